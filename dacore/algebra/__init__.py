@@ -1,0 +1,1 @@
+"""Linear algebra of its own kind; every algorithm checks its own result."""

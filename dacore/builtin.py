@@ -1,0 +1,26 @@
+"""dacore's own plugins, declared through the same door as everybody's."""
+
+from dacore.plugins import PluginSpec, hookimpl
+
+
+@hookimpl
+def dacore_domains() -> list[PluginSpec]:
+    """Declare the domains that need no other package."""
+    return [
+        PluginSpec("box", "dacore.domains.box:Box", summary="a rectangle or box of triangles or tetrahedra"),
+        PluginSpec("ball", "dacore.domains.ball:Ball", summary="a ball with a cavity, held at the bottom"),
+        PluginSpec("file", "dacore.domains.file:MeshFile", summary="your own mesh, read by meshio"),
+    ]
+
+
+@hookimpl
+def dacore_estimators() -> list[PluginSpec]:
+    """Declare the estimators."""
+    return [
+        PluginSpec("pbdw", "dacore.estimators.pbdw:PBDW", summary="parametrised-background data-weak, exact data fit"),
+        PluginSpec(
+            "minimum_variance",
+            "dacore.estimators.minimum_variance:MinimumVariance",
+            summary="linear minimum variance with the training set's covariance, per step or over the cycle",
+        ),
+    ]

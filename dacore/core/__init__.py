@@ -1,0 +1,1 @@
+"""Abstractions and values: spaces, discretisation, models, observation, estimation."""

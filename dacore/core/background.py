@@ -1,0 +1,108 @@
+"""What training leaves behind: a basis for each field and the training set in its coordinates.
+
+The basis is block diagonal (orthonormal field by field), so no weight ζ between the fields
+enters it. Every choice made later, ζ, centring, one space for the cycle or one per phase,
+works on the small array of coefficients alone: weighting a field by ζ is scaling its
+coefficients by √ζ.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dacore.core.arrays import Array, Sparse
+from dacore.core.parameters import ParameterSpace
+from dacore.core.reduced import ReducedSpace
+from dacore.core.space import Product, StateSpace
+from dacore.errors import ShapeError
+
+
+@dataclass(frozen=True, eq=False)
+class Background:
+    """Compressed training set.
+
+    Parameters
+    ----------
+    space : StateSpace
+    bases : mapping of str to ReducedSpace
+        For each field, modes (n_field, r_f) orthonormal in that field's inner product.
+    coefficients : (r, t, K) array
+        Training snapshots in the bases, r = Σ_f r_f, fields in the order of ``space.fields``.
+    times : (t,) array [s]
+    parameters : ParameterSpace
+    samples : (K, n_parameters) array
+        Parameters of the training trajectories.
+    kind : {"l2", "h1"}
+        Inner product of the bases.
+    compression : mapping of str to float
+        For each field, the relative error of the compression in the mean-square sense.
+    """
+
+    space: StateSpace
+    bases: Mapping[str, ReducedSpace]
+    coefficients: Array
+    times: Array
+    parameters: ParameterSpace
+    samples: Array
+    kind: Product
+    compression: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        r = sum(self.bases[field.name].dimension for field in self.space.fields)
+        expected = (r, len(self.times), len(self.samples))
+        if self.coefficients.shape != expected:
+            raise ShapeError(f"training coefficients: got shape {self.coefficients.shape}, expected {expected}")
+
+    @property
+    def dimension(self) -> int:
+        """Number r of modes of all fields together."""
+        return int(self.coefficients.shape[0])
+
+    @property
+    def n_samples(self) -> int:
+        """Number K of training trajectories."""
+        return int(self.coefficients.shape[2])
+
+    def block(self, field: str) -> slice:
+        """Rows of the coefficients that belong to `field`."""
+        start = 0
+        for each in self.space.fields:
+            size = self.bases[each.name].dimension
+            if each.name == field:
+                return slice(start, start + size)
+            start += size
+        raise ShapeError(f"field {field!r}: not in this background")
+
+    def scale(self, weights: Mapping[str, float]) -> Array:
+        """Square roots (r,) of the field weights: scaled coefficients have the weighted norm."""
+        out = np.empty(self.dimension)
+        for field in self.space.fields:
+            out[self.block(field.name)] = np.sqrt(weights[field.name])
+        return out
+
+    def mean(self) -> Array:
+        """Coefficients (r, t) of the training mean of each time step: the prior guess."""
+        return np.asarray(self.coefficients.mean(axis=2))
+
+    def observe(self, matrix: Sparse) -> Array:
+        """Functionals (m, n_dofs) applied to every mode: (m, r)."""
+        out = np.zeros((matrix.shape[0], self.dimension))
+        for field in self.space.fields:
+            columns = matrix[:, self.space.layout.block(field.name)]
+            if columns.nnz:
+                out[:, self.block(field.name)] = columns @ self.bases[field.name].basis
+        return out
+
+    def project(self, states: Array) -> Array:
+        """Coefficients (r, ...) of the best approximation of states (n_dofs, ...), field by field."""
+        parts = [self.bases[f.name].project(states[self.space.layout.block(f.name)]) for f in self.space.fields]
+        return np.concatenate(parts)
+
+    def lift(self, coefficients: Array, fields: tuple[str, ...] | None = None) -> Array:
+        """States (n_dofs, ...) of coefficients (r, ...); fields left out are zero."""
+        names = tuple(f.name for f in self.space.fields) if fields is None else fields
+        out = np.zeros((self.space.n_dofs, *coefficients.shape[1:]))
+        for name in names:
+            out[self.space.layout.block(name)] = self.bases[name].lift(coefficients[self.block(name)])
+        return out

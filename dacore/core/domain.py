@@ -1,0 +1,13 @@
+"""Where the physics lives: a domain makes a mesh with roles."""
+
+from abc import ABC, abstractmethod
+
+from dacore.core.mesh import Mesh
+
+
+class Domain(ABC):
+    """Frozen settings of a domain; a plugin class of the hook ``dacore_domains``."""
+
+    @abstractmethod
+    def mesh(self) -> Mesh:
+        """Make the mesh [cm]. The same settings give the same mesh, bit for bit."""

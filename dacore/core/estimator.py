@@ -1,0 +1,182 @@
+"""Estimation: settings, the prepared (offline) half, and what comes out."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.stats import norm
+
+from dacore.core.arrays import Array, BoolArray, IntArray
+from dacore.core.background import Background
+from dacore.core.noise import NoiseModel
+from dacore.core.observation import Functionals
+from dacore.core.quantity import QuantityOfInterest
+from dacore.errors import ShapeError
+
+
+class Riesz(ABC):
+    """Representers of functionals, computed only when a state or a quantity asks for them."""
+
+    @abstractmethod
+    def lift(self, weights: Array) -> Array:
+        """States M⁻¹ℓᵀ z (n_dofs, ...) of weights z (m, ...) on the raw functionals."""
+
+    @abstractmethod
+    def pair(self, functionals: Functionals) -> Array:
+        """Q M⁻¹ ℓᵀ as an (s, m) array; zero where q and ℓ see no common field."""
+
+
+class Uncertainty(ABC):
+    """Covariance of the error of an estimate."""
+
+    @abstractmethod
+    def variance(self, on_modes: Array, on_correction: Array | None) -> Array:
+        """Variance of linear functionals of the trajectory of each series.
+
+        Parameters
+        ----------
+        on_modes : (s, t, r) array
+            Weights on the coefficients of each step.
+        on_correction : (s, t, m) array or None
+            Weights on the correction's coefficients.
+
+        Returns
+        -------
+        (s, k) array
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """States of k series over t observed steps, kept as coefficients until asked for.
+
+    Parameters
+    ----------
+    background : Background
+    steps : (t,) int array
+        Which of the background's times were observed.
+    coefficients : (r, t, k) array
+        In the background's bases.
+    correction : (m, t, k) array, optional
+        Weights z of the representers: the state is Φa + M⁻¹ℓᵀz.
+    riesz : Riesz, optional
+        Needed where there is a correction.
+    uncertainty : Uncertainty, optional
+    diagnostics : mapping, optional
+        Named arrays an estimator wants to show: chosen n, weights, misfit.
+    """
+
+    background: Background
+    steps: IntArray
+    coefficients: Array
+    correction: Array | None = None
+    riesz: Riesz | None = None
+    uncertainty: Uncertainty | None = None
+    diagnostics: dict[str, Array] = field(default_factory=dict)
+
+    @property
+    def n_series(self) -> int:
+        """Number k of series."""
+        return int(self.coefficients.shape[2])
+
+    def state(self, series: int | slice = slice(None), step: int | slice = slice(None)) -> Array:
+        """Lift to states: (n_dofs, ...) with the axes left after indexing (t, k)."""
+        out = self.background.lift(self.coefficients[:, step, series])
+        if self.correction is not None and self.riesz is not None:
+            out += self.riesz.lift(self.correction[:, step, series])
+        return out
+
+    def functional(self, functionals: Functionals) -> Array:
+        """Values (s, t, k) of functionals in space, without lifting a state."""
+        reduced = self.background.observe(functionals.matrix)
+        out = np.tensordot(reduced, self.coefficients, axes=1)
+        if self.correction is not None and self.riesz is not None:
+            pairing = self.riesz.pair(functionals)
+            if pairing.any():
+                out += np.tensordot(pairing, self.correction, axes=1)
+        return np.asarray(out)
+
+    def quantity(self, quantity: QuantityOfInterest) -> Array:
+        """Values (s, k) of a quantity; s counts its functionals times its outputs in time."""
+        values = self.functional(quantity.functionals(self.background.space))
+        weights = quantity.time_weights(values.shape[1])
+        return np.asarray(np.einsum("ot,stk->sok", weights, values)).reshape(-1, self.n_series)
+
+    def standard_deviation(self, quantity: QuantityOfInterest) -> Array:
+        """Standard deviation (s, k) of `quantity`; ShapeError if the estimator gives none."""
+        if self.uncertainty is None:
+            raise ShapeError("this estimate carries no uncertainty; use an estimator that gives one")
+        functionals = quantity.functionals(self.background.space)
+        reduced = self.background.observe(functionals.matrix)
+        weights = quantity.time_weights(len(self.steps))
+        on_modes = np.einsum("ot,sr->sotr", weights, reduced).reshape(-1, len(self.steps), reduced.shape[1])
+        on_correction = None
+        if self.correction is not None and self.riesz is not None:
+            pairing = self.riesz.pair(functionals)
+            if pairing.any():
+                on_correction = np.einsum("ot,sm->sotm", weights, pairing).reshape(
+                    -1, len(self.steps), pairing.shape[1]
+                )
+        return np.asarray(np.sqrt(self.uncertainty.variance(on_modes, on_correction)))
+
+    def interval(self, quantity: QuantityOfInterest, level: float = 0.9) -> tuple[Array, Array]:
+        """Central Gaussian interval of `quantity` as (low, high), each (s, k)."""
+        if not 0 < level < 1:
+            raise ShapeError(f"level: got {level}, expected between 0 and 1")
+        half = float(norm.ppf(0.5 + level / 2)) * self.standard_deviation(quantity)
+        centre = self.quantity(quantity)
+        return centre - half, centre + half
+
+
+class PreparedEstimator(ABC):
+    """The offline half done: fast for any number of data sets, and nothing changes it."""
+
+    @property
+    @abstractmethod
+    def inf_sup(self) -> Array:
+        """Stability constants β (t,) of each observed step; NaN where the estimator has none."""
+
+    @abstractmethod
+    def estimate(self, data: Array, noise_scale: Array | float = 1.0, mask: BoolArray | None = None) -> Estimate:
+        """Estimate states from data.
+
+        Parameters
+        ----------
+        data : (m, t, k) array
+            Raw measured values of k series.
+        noise_scale : float or (k,) array
+            Factor on the prepared noise's standard deviation, for each series; 0 means exact data.
+        mask : (m,) bool array, optional
+            Which functionals are valid; None for all.
+        """
+
+
+class Estimator(ABC):
+    """Frozen settings of an estimator; a plugin class of the hook ``dacore_estimators``."""
+
+    @abstractmethod
+    def prepare(
+        self, background: Background, functionals: Functionals, noise: NoiseModel, steps: IntArray | None = None
+    ) -> PreparedEstimator:
+        """Do everything that does not depend on data.
+
+        Parameters
+        ----------
+        background : Background
+        functionals : Functionals
+        noise : NoiseModel
+            Of the raw values, up to the factor that `PreparedEstimator.estimate` takes.
+        steps : (t,) int array, optional
+            Which of the background's times are observed; None for all.
+        """
+
+
+def check_data(data: Array, m: int, t: int) -> Array:
+    """Return `data` as a finite float64 array (m, t, k); ShapeError says what is wrong."""
+    array = np.asarray(data, dtype=np.float64)
+    if array.ndim != 3 or array.shape[:2] != (m, t):
+        raise ShapeError(f"data: got shape {array.shape}, expected ({m}, {t}, any) = (functionals, steps, series)")
+    if not np.isfinite(array).all():
+        bad = int((~np.isfinite(array)).any(axis=(1, 2)).sum())
+        raise ShapeError(f"data: {bad} of {m} functionals hold NaN or infinite values; leave them out with a mask")
+    return array

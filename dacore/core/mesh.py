@@ -1,0 +1,205 @@
+"""A simplicial mesh with a role on every boundary facet. Constructed means valid."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dacore.core.arrays import Array, IntArray, as_array, as_indices, check_shape
+from dacore.core.simplex import barycentric_gradients, local_edges
+from dacore.errors import MeshError, ShapeError
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles or tetrahedra, and the role of each boundary facet.
+
+    Parameters
+    ----------
+    points : (n, d) array [cm]
+        d is 2 or 3.
+    cells : (c, d + 1) int array
+        Positively oriented simplices.
+    facets : (f, d) int array
+        Every boundary facet, once.
+    facet_tags : (f,) int array
+        One tag for each facet.
+    roles : mapping of str to int
+        The tag that stands for each role ("neck", "ventricles", "mre").
+
+    Raises
+    ------
+    MeshError
+        If nodes are orphans or coincide, cells are inverted, flat or doubled, a facet is not on
+        the boundary, or the boundary is not covered once by tagged facets whose tags have a role.
+    """
+
+    points: Array
+    cells: IntArray
+    facets: IntArray
+    facet_tags: IntArray
+    roles: Mapping[str, int]
+
+    def __init__(
+        self,
+        points: ArrayLike,
+        cells: ArrayLike,
+        facets: ArrayLike,
+        facet_tags: ArrayLike,
+        roles: Mapping[str, int],
+    ) -> None:
+        try:
+            nodes = as_array("mesh points", points, (None, None))
+            if nodes.shape[1] not in (2, 3):
+                raise MeshError(f"mesh points: got {nodes.shape[1]} coordinates a point, expected 2 or 3")
+            dim = nodes.shape[1]
+            simplices = as_indices("mesh cells", cells, (None, dim + 1), len(nodes))
+            faces = as_indices("mesh facets", facets, (None, dim), len(nodes))
+            tags = np.array(facet_tags, dtype=np.int64)
+            check_shape("mesh facet tags", tags, (len(faces),))
+        except ShapeError as error:
+            raise MeshError(str(error)) from error
+        tags.flags.writeable = False
+        for name, value in (
+            ("points", nodes), ("cells", simplices), ("facets", faces), ("facet_tags", tags), ("roles", dict(roles)),
+        ):  # fmt: skip
+            object.__setattr__(self, name, value)
+        self._check_cells()
+        self._check_boundary()
+
+    def _check_cells(self) -> None:
+        if len(self.cells) == 0:
+            raise MeshError("mesh cells: got none, expected at least one")
+        used = np.zeros(len(self.points), dtype=bool)
+        used[self.cells] = True
+        if not used.all():
+            orphans = np.flatnonzero(~used)
+            raise MeshError(
+                f"mesh points: {len(orphans)} belong to no cell (first: {orphans[0]}); remove the orphan points"
+            )
+        ordered = np.sort(self.cells, axis=1)
+        if (ordered[:, 1:] == ordered[:, :-1]).any():
+            raise MeshError("mesh cells: a cell names the same point twice; remove degenerate cells")
+        _, first, counts = np.unique(ordered, axis=0, return_index=True, return_counts=True)
+        if (counts > 1).any():
+            raise MeshError(
+                f"mesh cells: {int((counts > 1).sum())} cells are there more than once "
+                f"(first: {first[counts > 1][0]}); remove the duplicates"
+            )
+        flat = self.volumes <= 1e-13 * np.abs(self.volumes).max()
+        if flat.any():
+            raise MeshError(
+                f"mesh cells: {int(flat.sum())} of {len(flat)} are inverted or flat (first: {np.flatnonzero(flat)[0]}, "
+                f"volume {self.volumes[flat][0]:.3g}); swap two vertices of inverted cells, remove flat ones"
+            )
+
+    def _check_boundary(self) -> None:
+        exterior = self.exterior_facets
+        want, have = self._rows(exterior), self._rows(self.facets)
+        if len(np.unique(have)) != len(have):
+            raise MeshError("mesh facets: a facet is listed twice; expected one tag a facet")
+        stray = ~np.isin(have, want)
+        if stray.any():
+            raise MeshError(f"mesh facets: {int(stray.sum())} tagged facets are not on the boundary; remove their tags")
+        if len(have) < len(want):
+            raise MeshError(
+                f"mesh facets: {len(want) - len(have)} of {len(want)} boundary facets have no tag; give each one a role"
+            )
+        unknown = sorted(set(np.unique(self.facet_tags).tolist()) - set(self.roles.values()))
+        if unknown:
+            raise MeshError(f"mesh facet tags: {unknown} have no role; roles are {dict(self.roles)}")
+        for role, tag in self.roles.items():
+            if not (self.facet_tags == tag).any():
+                raise MeshError(f"mesh role {role!r}: no boundary facet has its tag {tag}")
+
+    @property
+    def dim(self) -> int:
+        """Dimension d of space."""
+        return int(self.points.shape[1])
+
+    @cached_property
+    def volumes(self) -> Array:
+        """Volumes (c,) [cm^d] of the cells."""
+        return barycentric_gradients(self.points, self.cells)[1]
+
+    @cached_property
+    def exterior_facets(self) -> IntArray:
+        """Boundary facets (f, d) as the cells have them, oriented outwards."""
+        return exterior_facets(self.cells)
+
+    @cached_property
+    def edges(self) -> IntArray:
+        """Edges (e, 2) sorted by (smaller, larger) vertex: the order of P2's edge nodes."""
+        return self._edges[0]
+
+    @cached_property
+    def cell_edges(self) -> IntArray:
+        """Edge numbers (c, n_local_edges) of each cell in local edge order."""
+        return self._edges[1]
+
+    @cached_property
+    def _edges(self) -> tuple[IntArray, IntArray]:
+        pairs = np.array(local_edges(self.dim))
+        every = np.sort(self.cells[:, pairs].reshape(-1, 2), axis=1)
+        edges, inverse = np.unique(every, axis=0, return_inverse=True)
+        return edges, inverse.reshape(len(self.cells), len(pairs)).astype(np.int64)
+
+    def nodes(self, order: int) -> Array:
+        """Coordinates (n_nodes, d) [cm] of the nodes of elements of order 1 or 2."""
+        if order == 1:
+            return self.points
+        return np.concatenate([self.points, self.points[self.edges].mean(axis=1)])
+
+    def cell_nodes(self, order: int) -> IntArray:
+        """Node numbers (c, n_local) of each cell for elements of order 1 or 2."""
+        if order == 1:
+            return self.cells
+        return np.concatenate([self.cells, len(self.points) + self.cell_edges], axis=1)
+
+    def boundary_facets(self, role: str) -> IntArray:
+        """Facets (f, d) that carry `role`; MeshError if the mesh has no such role."""
+        return np.asarray(self.facets[self.facet_tags == self._tag(role)])
+
+    def boundary_nodes(self, role: str, order: int = 1) -> IntArray:
+        """Nodes on the closed facets that carry `role`, sorted."""
+        facets = self.boundary_facets(role)
+        vertices = np.unique(facets)
+        if order == 1:
+            return vertices
+        pairs = np.concatenate([facets[:, pair] for pair in map(list, combinations(range(self.dim), 2))])
+        wanted = np.isin(self._rows(self.edges), self._rows(pairs))
+        return np.concatenate([vertices, len(self.points) + np.flatnonzero(wanted)])
+
+    def _rows(self, table: IntArray) -> IntArray:
+        """One number (n,) for each row of vertex numbers, whatever their order in the row."""
+        base = len(self.points)
+        if base ** table.shape[1] >= 2**63:
+            raise MeshError(f"mesh: {base} points are more than facet numbering can hold; split the domain")
+        code = np.zeros(len(table), dtype=np.int64)
+        for column in np.sort(table, axis=1).T:
+            code = code * base + column
+        return code
+
+    def _tag(self, role: str) -> int:
+        if role not in self.roles:
+            raise MeshError(f"mesh role {role!r}: not on this mesh, which has {', '.join(sorted(self.roles))}")
+        return int(self.roles[role])
+
+
+def exterior_facets(cells: IntArray) -> IntArray:
+    """Facets (f, d) that belong to one cell only, oriented outwards for positive cells."""
+    n = cells.shape[1]
+    facets = []
+    for k in range(n):
+        rest = [i for i in range(n) if i != k]
+        if k % 2 == 1:
+            rest[0], rest[1] = rest[1], rest[0]
+        facets.append(cells[:, rest])
+    every = np.concatenate(facets)
+    _, first, counts = np.unique(np.sort(every, axis=1), axis=0, return_index=True, return_counts=True)
+    if (counts > 2).any():
+        raise MeshError(f"mesh cells: {int((counts > 2).sum())} facets belong to more than two cells; not a manifold")
+    return np.asarray(every[first[counts == 1]])

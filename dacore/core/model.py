@@ -1,0 +1,171 @@
+"""Forward models: from parameters to trajectories; and the affine kind that reduces and superposes."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from dacore.core.arrays import Array, BoolArray, Sparse
+from dacore.core.discretization import Discretization
+from dacore.core.fields import Field
+from dacore.core.parameters import Parameters, ParameterSpace
+from dacore.core.space import StateSpace
+from dacore.errors import ShapeError
+
+Coefficient = Callable[[Parameters], float]
+Profile = Callable[[Array], Array]
+Discretize = Callable[[Sequence[Field]], Discretization]
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """States over time.
+
+    Parameters
+    ----------
+    states : (n_dofs, t) array
+    times : (t,) array [s]
+    """
+
+    states: Array
+    times: Array
+
+
+class ForwardModel(ABC):
+    """Parameters in, trajectory out."""
+
+    @property
+    @abstractmethod
+    def space(self) -> StateSpace:
+        """The space the states live in."""
+
+    @property
+    @abstractmethod
+    def parameters(self) -> ParameterSpace:
+        """Names, units and ranges of the parameters."""
+
+    @property
+    @abstractmethod
+    def times(self) -> Array:
+        """Recorded times (t,) [s], the same for every parameter."""
+
+    @abstractmethod
+    def solve(self, parameters: Parameters) -> Trajectory:
+        """Solve for one parameter vector; ConvergenceError if the solver fails."""
+
+
+@dataclass(frozen=True, eq=False)
+class AffineTerm:
+    """coefficient(θ) · matrix: one term of an affine operator.
+
+    Parameters
+    ----------
+    name : str
+    matrix : (n_dofs, n_dofs) csr_array
+        Free of parameters; assembled once for a mesh.
+    coefficient : callable
+        θ -> float; a module-level function or object, so that it can be pickled.
+    """
+
+    name: str
+    matrix: Sparse
+    coefficient: Coefficient
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """One cause of motion; the state is linear in its amplitude.
+
+    Parameters
+    ----------
+    name : str
+    amplitude : callable
+        θ -> float.
+    profile : callable
+        (t,) times [s] -> (t,) factors.
+    force : (n_dofs,) array
+        Right-hand side per unit of amplitude and profile.
+    prescribed : (n_dofs,) array
+        Values of the constrained dofs per unit of amplitude and profile, zero elsewhere.
+    """
+
+    name: str
+    amplitude: Coefficient
+    profile: Profile
+    force: Array
+    prescribed: Array
+
+
+@dataclass(frozen=True, eq=False)
+class AffineModel:
+    """M(θ) ÿ + C(θ) ẏ + A(θ) y = F(t; θ), affine in functions of θ, linear in its loads.
+
+    It knows no time stepping: `dacore.dynamics` marches it, reduces it and superposes its loads.
+
+    Parameters
+    ----------
+    space : StateSpace
+    parameters : ParameterSpace
+    second_order, first_order, zeroth_order : tuple of AffineTerm
+        The terms of M, C and A.
+    loads : tuple of Load
+    constrained : (n_dofs,) bool array
+        Dofs with prescribed values (Dirichlet).
+    antisymmetric : (n_dofs,) bool array
+        Rows which, multiplied by −1/(factor of C in a time step), make the step symmetric; the
+        rows of a flow equation coupled to a momentum balance. All False for a symmetric step.
+    """
+
+    space: StateSpace
+    parameters: ParameterSpace
+    second_order: tuple[AffineTerm, ...]
+    first_order: tuple[AffineTerm, ...]
+    zeroth_order: tuple[AffineTerm, ...]
+    loads: tuple[Load, ...]
+    constrained: BoolArray
+    antisymmetric: BoolArray
+
+    def __post_init__(self) -> None:
+        n = self.space.n_dofs
+        for term in (*self.second_order, *self.first_order, *self.zeroth_order):
+            if term.matrix.shape != (n, n):
+                raise ShapeError(f"term {term.name}: got shape {term.matrix.shape}, expected {(n, n)}")
+        for load in self.loads:
+            if load.force.shape != (n,) or load.prescribed.shape != (n,):
+                raise ShapeError(f"load {load.name}: expected force and prescribed values of shape ({n},)")
+            if load.prescribed[~self.constrained].any():
+                raise ShapeError(f"load {load.name}: prescribes values of dofs that are not constrained")
+
+    def amplitudes(self, parameters: Parameters) -> Array:
+        """Amplitude (n_loads,) of each load at θ."""
+        return np.array([load.amplitude(parameters) for load in self.loads])
+
+
+def combine(terms: Sequence[AffineTerm], parameters: Parameters, n: int) -> Sparse:
+    """Σ coefficient(θ) · matrix as an (n, n) csr_array."""
+    total = csr_array((n, n), dtype=np.float64)
+    for term in terms:
+        total = total + term.coefficient(parameters) * term.matrix
+    return csr_array(total)
+
+
+class Physics(ABC):
+    """Frozen settings of a model; a plugin class of the hook ``dacore_models``."""
+
+    @abstractmethod
+    def build(self, discretize: Discretize) -> "AffineModel | ForwardModel":
+        """Build the model.
+
+        Parameters
+        ----------
+        discretize : callable
+            Puts a list of fields on the scene's mesh with the scene's backend; a model of its own
+            kind (no mesh, no finite elements) never calls it.
+
+        Returns
+        -------
+        AffineModel or ForwardModel
+            An affine model is marched in time as the scene's ``[time]`` table says.
+        """

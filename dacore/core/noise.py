@@ -1,0 +1,100 @@
+"""Noise of the raw measured values."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from dacore.core.arrays import Array
+from dacore.errors import ShapeError
+
+
+class NoiseModel(ABC):
+    """Zero-mean Gaussian noise of the m raw values of one time, independent between times."""
+
+    @abstractmethod
+    def colour(self, white: Array) -> Array:
+        """Turn independent unit normals (m, ...) into noise (m, ...)."""
+
+    @abstractmethod
+    def whiten(self, values: Array) -> Array:
+        """Inverse of `colour`."""
+
+    def sample(self, rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
+        """Draw noise of shape (m, ...)."""
+        return self.colour(rng.standard_normal(shape))
+
+
+@dataclass(frozen=True)
+class WhiteNoise(NoiseModel):
+    """Independent noise of one standard deviation.
+
+    Parameters
+    ----------
+    sigma : float [unit of the measured values]
+    """
+
+    sigma: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.sigma) and self.sigma > 0):
+            raise ShapeError(f"noise: got a standard deviation of {self.sigma}, expected a positive number")
+
+    def colour(self, white: Array) -> Array:
+        """σ · white."""
+        return self.sigma * white
+
+    def whiten(self, values: Array) -> Array:
+        """Divide by σ."""
+        return values / self.sigma
+
+
+@dataclass(frozen=True, eq=False)
+class SensorNoise(NoiseModel):
+    """Independent noise with a standard deviation for each functional.
+
+    Parameters
+    ----------
+    sigmas : (m,) array
+    """
+
+    sigmas: Array
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.sigmas).all() and (self.sigmas > 0).all()):
+            raise ShapeError("noise: a standard deviation is not a positive finite number")
+
+    def colour(self, white: Array) -> Array:
+        """Scale each row."""
+        return white * self.sigmas.reshape(-1, *[1] * (white.ndim - 1))
+
+    def whiten(self, values: Array) -> Array:
+        """Divide each row."""
+        return values / self.sigmas.reshape(-1, *[1] * (values.ndim - 1))
+
+
+class CorrelatedNoise(NoiseModel):
+    """Noise with a full covariance between the functionals.
+
+    Parameters
+    ----------
+    covariance : (m, m) array
+        Symmetric positive definite.
+    """
+
+    def __init__(self, covariance: Array) -> None:
+        try:
+            self.factor = np.linalg.cholesky(covariance)
+        except np.linalg.LinAlgError as error:
+            raise ShapeError("noise: the covariance is not symmetric positive definite") from error
+
+    def colour(self, white: Array) -> Array:
+        """Lower Cholesky factor times white."""
+        return np.tensordot(self.factor, white, axes=1)
+
+    def whiten(self, values: Array) -> Array:
+        """Solve with the lower Cholesky factor."""
+        from scipy.linalg import solve_triangular
+
+        flat = values.reshape(values.shape[0], -1)
+        return np.asarray(solve_triangular(self.factor, flat, lower=True)).reshape(values.shape)

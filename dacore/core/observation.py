@@ -1,0 +1,88 @@
+"""What is measured: linear functionals of the state. An operator knows no data."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from dacore.core.arrays import Array, IntArray, Sparse
+from dacore.core.space import StateSpace
+from dacore.errors import CapabilityError, ShapeError
+
+
+@dataclass(frozen=True, eq=False)
+class Functionals:
+    """Linear functionals of a state, with what a plot needs to know of them.
+
+    Parameters
+    ----------
+    matrix : (m, n_dofs) csr_array
+    labels : tuple of str, length m
+    unit : str
+        Unit of the measured values.
+    centres : (m, d) array [cm]
+        Where each value is measured.
+    directions : (m, d) array
+        Direction of a vector field's measured component; zeros for a scalar field.
+    sites : (m,) int array
+        Number of the voxel or sensor; the components measured at one place share it.
+    spacing : tuple of float [cm]
+        Voxel edge lengths; empty for points.
+    dropped : int
+        How many places the operator left out because they lie outside the domain.
+    """
+
+    matrix: Sparse
+    labels: tuple[str, ...]
+    unit: str
+    centres: Array
+    directions: Array
+    sites: IntArray
+    spacing: tuple[float, ...] = ()
+    dropped: int = 0
+
+    def __post_init__(self) -> None:
+        m = self.matrix.shape[0]
+        if m == 0:
+            raise ShapeError("functionals: got none, expected at least one; is the grid inside the domain?")
+        if not len(self.labels) == len(self.centres) == len(self.directions) == len(self.sites) == m:
+            raise ShapeError(f"functionals: labels, centres, directions and sites must each have {m} rows")
+        empty = np.flatnonzero(np.diff(self.matrix.indptr) == 0)
+        if empty.size:
+            raise ShapeError(f"functionals: {empty.size} see nothing of the state (first: {self.labels[empty[0]]})")
+
+    @property
+    def count(self) -> int:
+        """Number m of functionals."""
+        return int(self.matrix.shape[0])
+
+    @cached_property
+    def n_sites(self) -> int:
+        """Number of voxels or sensors."""
+        return len(np.unique(self.sites))
+
+    def __call__(self, states: Array) -> Array:
+        """Apply to states (n_dofs, ...): (m, ...)."""
+        flat = states.reshape(states.shape[0], -1)
+        return np.asarray(self.matrix @ flat).reshape(self.count, *states.shape[1:])
+
+
+class ObservationOperator(ABC):
+    """Frozen settings of a kind of measurement; a plugin class of the hook ``dacore_observations``."""
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+
+    @abstractmethod
+    def functionals(self, space: StateSpace) -> Functionals:
+        """Return the functionals of what is measured on `space`."""
+
+    def check(self, space: StateSpace) -> None:
+        """Raise CapabilityError if `space` lacks what the operator needs."""
+        missing = self.needs - space.capabilities
+        if missing:
+            raise CapabilityError(
+                f"{type(self).__name__} needs a state space with {', '.join(sorted(missing))}; "
+                f"{type(space).__name__} offers {', '.join(sorted(space.capabilities)) or 'none'}"
+            )

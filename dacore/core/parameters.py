@@ -1,0 +1,127 @@
+"""Parameters of a model and how they are sampled."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from dacore.core.arrays import Array
+from dacore.errors import ShapeError
+
+Sampling = Literal["uniform", "latin_hypercube", "sobol"]
+Parameters = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter and its range.
+
+    Parameters
+    ----------
+    name, unit : str
+    low, high : float
+        Range of the distribution; equal for a fixed parameter.
+    distribution : {"uniform", "log_uniform"}
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    distribution: Literal["uniform", "log_uniform"] = "uniform"
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite([self.low, self.high]).all() and self.low <= self.high):
+            raise ShapeError(f"parameter {self.name}: got the range [{self.low}, {self.high}], expected low <= high")
+        if self.distribution == "log_uniform" and self.low <= 0:
+            raise ShapeError(f"parameter {self.name}: log_uniform needs low > 0, got {self.low}")
+
+    @property
+    def fixed(self) -> bool:
+        """Whether the parameter has one value only."""
+        return self.low == self.high
+
+    def quantile(self, unit_interval: Array) -> Array:
+        """Map numbers of [0, 1] to values of the parameter."""
+        if self.distribution == "log_uniform":
+            return np.asarray(self.low * (self.high / self.low) ** unit_interval)
+        return np.asarray(self.low + (self.high - self.low) * unit_interval)
+
+
+@dataclass(frozen=True)
+class ParameterSpace:
+    """All parameters of a model, in a fixed order.
+
+    Parameters
+    ----------
+    parameters : tuple of Parameter
+    """
+
+    parameters: tuple[Parameter, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names in order."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def free(self) -> tuple[Parameter, ...]:
+        """The parameters that vary."""
+        return tuple(parameter for parameter in self.parameters if not parameter.fixed)
+
+    def __getitem__(self, name: str) -> Parameter:
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise ShapeError(f"parameter {name!r}: this model has {', '.join(self.names)}")
+
+    def restrict(self, ranges: Mapping[str, tuple[float, float]]) -> "ParameterSpace":
+        """Return the space with other ranges for some parameters (low = high fixes one)."""
+        for name in ranges:
+            self[name]
+        return ParameterSpace(
+            tuple(
+                replace(p, low=ranges[p.name][0], high=ranges[p.name][1]) if p.name in ranges else p
+                for p in self.parameters
+            )
+        )
+
+    def sample(self, rng: np.random.Generator, count: int, method: Sampling = "uniform") -> Array:
+        """Draw parameter vectors.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+        count : int
+        method : {"uniform", "latin_hypercube", "sobol"}
+
+        Returns
+        -------
+        (count, n_parameters) array
+            Columns in the order of `names`; only free parameters consume random numbers.
+        """
+        if count < 1:
+            raise ShapeError(f"samples: got {count}, expected at least 1")
+        dim = len(self.free)
+        if method == "uniform" or dim == 0:
+            unit = rng.random((count, dim))
+        else:
+            from scipy.stats import qmc
+
+            if method == "sobol":
+                sampler: qmc.QMCEngine = qmc.Sobol(dim, scramble=True, rng=rng)
+                unit = sampler.random_base2(int(np.ceil(np.log2(count))))[:count]
+            elif method == "latin_hypercube":
+                unit = qmc.LatinHypercube(dim, rng=rng).random(count)
+            else:
+                raise ShapeError(f"sampling: got {method!r}, expected uniform, latin_hypercube or sobol")
+        columns = iter(unit.T)
+        values = [np.full(count, p.low) if p.fixed else p.quantile(next(columns)) for p in self.parameters]
+        return np.stack(values, axis=1)
+
+    def as_mapping(self, values: Sequence[float] | Array) -> dict[str, float]:
+        """Name the entries of one parameter vector (n_parameters,)."""
+        if len(values) != len(self.parameters):
+            raise ShapeError(f"parameter vector: got {len(values)} values, expected {len(self.parameters)}")
+        return {name: float(value) for name, value in zip(self.names, values, strict=True)}

@@ -1,0 +1,1 @@
+"""Domains that need no other package."""

@@ -1,0 +1,1 @@
+"""Time schemes, marching of affine models, training."""

@@ -1,0 +1,1 @@
+"""Simplices: point location, clipping, quality, meshing of level sets."""

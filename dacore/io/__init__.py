@@ -1,0 +1,1 @@
+"""Scenes, snapshots, fields, meshes: reading, and writing atomically."""

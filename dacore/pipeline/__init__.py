@@ -1,0 +1,1 @@
+"""Stages in general: keys, cache, plan, runner."""

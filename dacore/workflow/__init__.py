@@ -1,0 +1,1 @@
+"""The stages of a scene put together, and the report."""

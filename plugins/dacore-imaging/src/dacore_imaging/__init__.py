@@ -1,0 +1,38 @@
+"""Measurements of medical imaging, and the brain, for dacore."""
+
+from dacore.plugins import PluginSpec, hookimpl
+
+
+@hookimpl
+def dacore_domains() -> list[PluginSpec]:
+    """Declare the brain."""
+    return [
+        PluginSpec(
+            "brain",
+            "dacore_imaging.brain:Brain",
+            requires=("nibabel", "nilearn"),
+            install="pip install nibabel nilearn",
+            summary="the MNI152 brain with its ventricles",
+        )
+    ]
+
+
+@hookimpl
+def dacore_observations() -> list[PluginSpec]:
+    """Declare what can be measured."""
+    return [
+        PluginSpec("voxels", "dacore_imaging.voxels:Voxels", summary="averages over image voxels, exact"),
+        PluginSpec("points", "dacore_imaging.points:PointSensors", summary="point sensors: value, derivative, kernel"),
+    ]
+
+
+@hookimpl
+def dacore_quantities() -> list[PluginSpec]:
+    """Declare numbers of interest."""
+    return [
+        PluginSpec(
+            "boundary_mean",
+            "dacore_imaging.quantities:BoundaryMean",
+            summary="mean of a field over a boundary, e.g. the ventricular pressure",
+        )
+    ]
