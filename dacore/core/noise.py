@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dacore.core.arrays import Array
+from dacore.core.arrays import Array, BoolArray
 from dacore.errors import ShapeError
 
 
@@ -19,6 +19,14 @@ class NoiseModel(ABC):
     @abstractmethod
     def whiten(self, values: Array) -> Array:
         """Inverse of `colour`."""
+
+    @abstractmethod
+    def colour_transpose(self, weights: Array) -> Array:
+        """Transpose of `colour` on weights (m, ...): the variance of wᵀε is ‖colour_transpose(w)‖²."""
+
+    @abstractmethod
+    def marginal(self, mask: BoolArray) -> "NoiseModel":
+        """Noise of the functionals that `mask` (m,) keeps."""
 
     def sample(self, rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
         """Draw noise of shape (m, ...)."""
@@ -48,6 +56,14 @@ class WhiteNoise(NoiseModel):
         """Divide by σ."""
         return values / self.sigma
 
+    def colour_transpose(self, weights: Array) -> Array:
+        """σ · weights."""
+        return self.sigma * weights
+
+    def marginal(self, mask: BoolArray) -> "WhiteNoise":
+        """Itself."""
+        return self
+
 
 @dataclass(frozen=True, eq=False)
 class SensorNoise(NoiseModel):
@@ -71,6 +87,14 @@ class SensorNoise(NoiseModel):
     def whiten(self, values: Array) -> Array:
         """Divide each row."""
         return values / self.sigmas.reshape(-1, *[1] * (values.ndim - 1))
+
+    def colour_transpose(self, weights: Array) -> Array:
+        """Scale each row."""
+        return self.colour(weights)
+
+    def marginal(self, mask: BoolArray) -> "SensorNoise":
+        """Keep some rows."""
+        return SensorNoise(self.sigmas[mask])
 
 
 class CorrelatedNoise(NoiseModel):
@@ -98,3 +122,11 @@ class CorrelatedNoise(NoiseModel):
 
         flat = values.reshape(values.shape[0], -1)
         return np.asarray(solve_triangular(self.factor, flat, lower=True)).reshape(values.shape)
+
+    def colour_transpose(self, weights: Array) -> Array:
+        """Transposed lower Cholesky factor times weights."""
+        return np.tensordot(self.factor.T, weights, axes=1)
+
+    def marginal(self, mask: BoolArray) -> "CorrelatedNoise":
+        """Keep some rows and columns of the covariance."""
+        return CorrelatedNoise((self.factor @ self.factor.T)[np.ix_(mask, mask)])

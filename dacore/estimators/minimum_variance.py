@@ -1,0 +1,146 @@
+"""Linear minimum-variance estimation with the training set's own mean and covariance.
+
+A state is written a = mean + A ω with the training anomalies A (r, K) and ω ~ N(0, I): the prior
+has the training set's covariance and nothing is inverted that is larger than K. With whitened
+observations N^(−½)LA = UΣVᵀ and noise of standard deviation s (in units of the prepared noise)::
+
+    ω̂ = V diag(Σ/(Σ² + s²)) Uᵀ N^(−½)(l − L mean),    cov(ω | l) = I − V diag(Σ²/(Σ² + s²)) Vᵀ
+
+per time step, or once for the whole space–time trajectory.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from dacore.core.arrays import Array, BoolArray, IntArray
+from dacore.core.background import Background
+from dacore.core.estimator import Estimate, Estimator, PreparedEstimator, Uncertainty, check_data
+from dacore.core.noise import NoiseModel
+from dacore.core.observation import Functionals
+from dacore.errors import ShapeError
+
+
+@dataclass(frozen=True)
+class MinimumVariance(Estimator):
+    """Settings of the linear minimum-variance estimate.
+
+    Parameters
+    ----------
+    window : {"cycle", "step"}
+        Use the data of the whole trajectory at once, or each time step on its own.
+    floor : float
+        Smallest noise standard deviation taken, relative to the largest singular value: what the
+        training set leaves out acts like noise even when the data are exact.
+    """
+
+    window: Literal["cycle", "step"] = "cycle"
+    floor: float = 1e-5
+
+    def __post_init__(self) -> None:
+        if not 0 < self.floor < 1:
+            raise ShapeError(f"floor: got {self.floor}, expected between 0 and 1")
+
+    def prepare(
+        self, background: Background, functionals: Functionals, noise: NoiseModel, steps: IntArray | None = None
+    ) -> "PreparedMinimumVariance":
+        """Decompose the whitened observations of the training anomalies."""
+        if background.n_samples < 2:
+            raise ShapeError(f"training: got {background.n_samples} trajectory, expected at least 2 for a covariance")
+        observed = np.arange(len(background.times)) if steps is None else np.asarray(steps)
+        return PreparedMinimumVariance(self, background, functionals, noise, observed)
+
+
+class PreparedMinimumVariance(PreparedEstimator):
+    """Minimum variance with everything done that does not depend on data."""
+
+    def __init__(
+        self,
+        settings: MinimumVariance,
+        background: Background,
+        functionals: Functionals,
+        noise: NoiseModel,
+        steps: IntArray,
+        mask: BoolArray | None = None,
+    ) -> None:
+        self.settings, self.background, self.functionals, self.noise = settings, background, functionals, noise
+        self.steps, self.mask = steps, mask
+        training = background.coefficients[:, steps]
+        self.mean = training.mean(axis=2)
+        self.anomalies = (training - self.mean[:, :, None]) / np.sqrt(background.n_samples - 1)
+        observed = background.observe(functionals.matrix)
+        self.expected = observed @ self.mean
+        if mask is None:
+            white = noise.whiten(np.tensordot(observed, self.anomalies, axes=1))
+        else:
+            white = noise.marginal(mask).whiten(np.tensordot(observed[mask], self.anomalies, axes=1))
+        windows = [white.reshape(-1, white.shape[2])] if settings.window == "cycle" else list(white.swapaxes(0, 1))
+        self.factors = [np.linalg.svd(window, full_matrices=False) for window in windows]
+
+    @property
+    def inf_sup(self) -> Array:
+        """NaN (t,): the prior, not a stability constant, bounds the error."""
+        return np.full(len(self.steps), np.nan)
+
+    def estimate(self, data: Array, noise_scale: Array | float = 1.0, mask: BoolArray | None = None) -> Estimate:
+        """Estimate states; the noise scale decides how much the data are trusted."""
+        if mask is not None and not mask.all():
+            if mask.shape != (self.functionals.count,):
+                raise ShapeError(f"mask: got shape {mask.shape}, expected ({self.functionals.count},)")
+            again = PreparedMinimumVariance(
+                self.settings, self.background, self.functionals, self.noise, self.steps, mask
+            )
+            return again.estimate(np.where(mask[:, None, None], data, 0.0), noise_scale)
+        values = check_data(data, self.functionals.count, len(self.steps)) - self.expected[:, :, None]
+        white = (
+            self.noise.whiten(values) if self.mask is None else self.noise.marginal(self.mask).whiten(values[self.mask])
+        )
+        k = data.shape[2]
+        scale = np.broadcast_to(np.asarray(noise_scale, dtype=np.float64), (k,))
+        if (scale < 0).any() or not np.isfinite(scale).all():
+            raise ShapeError("noise_scale: expected finite numbers of 0 or more")
+        windows = [white.reshape(-1, k)] if self.settings.window == "cycle" else list(white.swapaxes(0, 1))
+        weights = []
+        for (u, s, vt), window in zip(self.factors, windows, strict=True):
+            level = self.levels(s, scale)
+            weights.append(vt.T @ (s[:, None] / (s[:, None] ** 2 + level**2) * (u.T @ window)))
+        coefficients = np.repeat(self.mean[:, :, None], k, axis=2)
+        if self.settings.window == "cycle":
+            coefficients += np.tensordot(self.anomalies, weights[0], axes=1)
+        else:
+            coefficients += np.einsum("rtj,tjk->rtk", self.anomalies, np.stack(weights), optimize=True)
+        return Estimate(
+            self.background, self.steps, coefficients, uncertainty=_Posterior(self, scale),
+            diagnostics={"weights": np.stack(weights)},
+        )  # fmt: skip
+
+    def levels(self, singular_values: Array, scale: Array) -> Array:
+        """Noise standard deviations (k,) in use, not below the floor."""
+        return np.asarray(np.maximum(scale, self.settings.floor * singular_values[0]))
+
+
+class _Posterior(Uncertainty):
+    """Error covariance of the estimate under the training set's distribution."""
+
+    def __init__(self, prepared: PreparedMinimumVariance, scale: Array) -> None:
+        self.prepared, self.scale = prepared, scale
+
+    def variance(self, on_modes: Array, on_correction: Array | None) -> Array:
+        """Variance (s, k) of linear functionals of the trajectory; there is no correction."""
+        p = self.prepared
+        out = np.empty((len(on_modes), len(self.scale)))
+        if p.settings.window == "cycle":
+            groups = [np.einsum("str,rtj->sj", on_modes, p.anomalies, optimize=True)]
+        else:
+            groups = [on_modes[:, t] @ p.anomalies[:, t] for t in range(len(p.steps))]
+        for series, scale in enumerate(self.scale):
+            left = np.zeros((len(on_modes), p.background.n_samples))
+            noise = np.zeros(len(on_modes))
+            for direction, (_, s, vt) in zip(groups, p.factors, strict=True):
+                level = float(p.levels(s, np.array([scale]))[0])
+                along = direction @ vt.T
+                left += direction - (along * (s**2 / (s**2 + level**2))) @ vt
+                noise += ((along * (s * level / (s**2 + level**2))) ** 2).sum(axis=1)
+            out[:, series] = (left**2).sum(axis=1) + noise
+        return out
