@@ -1,0 +1,176 @@
+"""Marching an affine model in time, with one solver set-up for each parameter sample."""
+
+from dataclasses import dataclass
+from typing import Any, Literal, final
+
+import numpy as np
+
+from dacore.algebra.solvers import Method, make_solver
+from dacore.core.arrays import Array, check_shape
+from dacore.core.model import AffineModel, ForwardModel, Trajectory
+from dacore.core.parameters import Parameters, ParameterSpace
+from dacore.core.space import StateSpace
+from dacore.core.timegrid import TimeGrid
+from dacore.dynamics.extrapolate import Extrapolation
+from dacore.dynamics.newmark import Newmark, State
+from dacore.dynamics.static import steady_state
+from dacore.dynamics.system import StepSystem, load_profiles
+from dacore.errors import ShapeError
+
+Start = Literal["zero", "steady"]
+
+
+@dataclass(frozen=True, eq=False)
+class Responses:
+    """The motion each load causes alone, per unit of its amplitude.
+
+    Parameters
+    ----------
+    loads : tuple of str
+        Names of the loads.
+    states : (n_loads, n_dofs, t) array
+    times : (t,) array [s]
+    """
+
+    loads: tuple[str, ...]
+    states: Array
+    times: Array
+
+    def superpose(self, amplitudes: Array) -> Trajectory:
+        """Return the trajectory under loads of the given amplitudes (n_loads,); costs no solve."""
+        check_shape("amplitudes", np.asarray(amplitudes), (len(self.loads),))
+        return Trajectory(np.tensordot(amplitudes, self.states, axes=1), self.times)
+
+
+@final
+class MarchedModel(ForwardModel):
+    """An affine model, its time grid and the scheme that marches it.
+
+    Parameters
+    ----------
+    model : AffineModel
+    grid : TimeGrid
+    scheme : Newmark
+    start : {"zero", "steady"}
+        "zero": y = ẏ = ÿ = 0 at t = 0 on every dof, so that prescribed values jump in the first
+        step. "steady": the equilibrium A(θ) y = F under the loads at t = 0.
+    method : {"auto", "direct", "krylov"}
+    tolerance : float
+        Relative residual of every solve.
+
+    Notes
+    -----
+    A pickle holds the settings only; the matrices on the free dofs are made anew from them.
+    """
+
+    def __init__(
+        self,
+        model: AffineModel,
+        grid: TimeGrid,
+        scheme: Newmark | None = None,
+        start: Start = "zero",
+        method: Method = "auto",
+        tolerance: float = 1e-10,
+    ) -> None:
+        if start not in ("zero", "steady"):
+            raise ShapeError(f"start: got {start!r}, expected 'zero' or 'steady'")
+        self.model, self.grid, self.scheme = model, grid, scheme or Newmark()
+        self.start, self.method, self.tolerance = start, method, tolerance
+        self._system = StepSystem(model, self.scheme, grid.step)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return MarchedModel, (self.model, self.grid, self.scheme, self.start, self.method, self.tolerance)
+
+    @property
+    def space(self) -> StateSpace:
+        """The space of the states."""
+        return self.model.space
+
+    @property
+    def parameters(self) -> ParameterSpace:
+        """The parameters of the model."""
+        return self.model.parameters
+
+    @property
+    def times(self) -> Array:
+        """Recorded times (t,) [s]."""
+        return self.grid.times
+
+    def solve(self, parameters: Parameters) -> Trajectory:
+        """Solve with all loads in one right-hand side.
+
+        Parameters
+        ----------
+        parameters : mapping of str to float
+
+        Returns
+        -------
+        Trajectory
+            States (n_dofs, t) at the recorded times.
+
+        Raises
+        ------
+        ShapeError
+            If a parameter is missing or outside what the physics allows.
+        ConvergenceError
+            If the linear solver fails.
+        """
+        self._check(parameters)
+        return Trajectory(self._march(parameters, self.model.amplitudes(parameters)[:, None])[0], self.times)
+
+    def responses(self, parameters: Parameters) -> Responses:
+        """Solve for every load alone, with unit amplitude and one solver set-up for all of them.
+
+        The loads' amplitudes in `parameters` have no influence; superpose the responses with any.
+
+        Parameters
+        ----------
+        parameters : mapping of str to float
+
+        Returns
+        -------
+        Responses
+        """
+        self._check(parameters)
+        loads = self.model.loads
+        states = self._march(parameters, np.eye(len(loads)))
+        return Responses(tuple(load.name for load in loads), states, self.times)
+
+    def march(self, parameters: Parameters, start: State) -> Trajectory:
+        """Solve from a state of your own at t = 0, one column; `dacore.dynamics.static` completes smooth ones."""
+        self._check(parameters)
+        check_shape("start", start.value, (self.space.n_dofs, 1))
+        return Trajectory(self._run(parameters, self.model.amplitudes(parameters)[:, None], start)[0], self.times)
+
+    def _check(self, parameters: Parameters) -> None:
+        missing = [name for name in self.parameters.names if name not in parameters]
+        if missing:
+            raise ShapeError(f"parameters: {', '.join(missing)} missing; expected {', '.join(self.parameters.names)}")
+
+    def _march(self, parameters: Parameters, amplitudes: Array) -> Array:
+        if self.start == "steady":
+            weights = load_profiles(self.model.loads, np.zeros(1)) * amplitudes
+            value = steady_state(self.model, parameters, weights, self.method, self.tolerance)
+        else:
+            value = np.zeros((self.space.n_dofs, amplitudes.shape[1]))
+        return self._run(parameters, amplitudes, State.at_rest(value))
+
+    def _run(self, parameters: Parameters, amplitudes: Array, state: State) -> Array:
+        """March k motions with load amplitudes (n_loads, k): states (k, n_dofs, t)."""
+        system, grid = self._system, self.grid
+        step = system.at(parameters)
+        solver = make_solver(step.matrix, system.definite, self.method, self.tolerance)
+        count = grid.spin_up + grid.steps
+        profiles = load_profiles(self.model.loads, grid.step * np.arange(1.0, count + 1.0))
+        recorded = np.empty((amplitudes.shape[1], self.space.n_dofs, grid.steps))
+        past = Extrapolation(state.value[system.free])
+        for k in range(count):
+            weights = profiles[:, k, None] * amplitudes
+            value = np.empty_like(state.value)
+            value[system.constrained] = system.prescribed @ weights
+            value[system.free] = solver.solve(step.right_side(state, weights), past.guess())
+            past.append(value[system.free])
+            state = self.scheme.advance(state, value, grid.step)
+            if k >= grid.spin_up:
+                recorded[:, :, k - grid.spin_up] = value.T
+        return recorded

@@ -1,0 +1,102 @@
+"""States without motion to start from: equilibria under static loads, and consistent starts."""
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from dacore.algebra.solvers import Method, make_solver
+from dacore.core.arrays import Array, IntArray, Sparse
+from dacore.core.model import AffineModel, combine
+from dacore.core.parameters import Parameters
+from dacore.dynamics.newmark import State
+from dacore.dynamics.system import load_profiles, stack
+from dacore.errors import CapabilityError
+
+
+def steady_state(
+    model: AffineModel, parameters: Parameters, weights: Array, method: Method = "auto", tolerance: float = 1e-10
+) -> Array:
+    """Solve A(θ) y = F for the state that does not move under static loads.
+
+    The antisymmetric rows (the flow) must not see the other fields at rest, as in poroelasticity:
+    they are solved first, and the momentum balance with the pressure they give.
+
+    Parameters
+    ----------
+    model : AffineModel
+    parameters : mapping of str to float
+    weights : (n_loads, k) array
+        Amplitude of each load in k states.
+    method, tolerance
+        As `dacore.algebra.solvers.make_solver` takes them.
+
+    Returns
+    -------
+    (n_dofs, k) array
+
+    Raises
+    ------
+    CapabilityError
+        If the flow is coupled to the other fields at rest.
+    ConvergenceError
+        If a solve fails; a steady state needs a field held somewhere on the boundary.
+    """
+    n = model.space.n_dofs
+    stiffness = combine(model.zeroth_order, parameters, n)
+    force = stack([load.force for load in model.loads], n) @ weights
+    state = stack([load.prescribed for load in model.loads], n) @ weights
+    flow = np.flatnonzero(model.antisymmetric & ~model.constrained)
+    rest = np.flatnonzero(~model.antisymmetric & ~model.constrained)
+    coupling = stiffness[flow][:, np.flatnonzero(~model.antisymmetric)]
+    if np.any(coupling.data):
+        raise CapabilityError("steady start: the antisymmetric rows see other fields at rest; start from zero instead")
+    for rows in (flow, rest):
+        if not rows.size:
+            continue
+        right = force[rows] - stiffness[rows] @ state
+        if right.any():
+            state[rows] = _solve(stiffness, rows, right, method, tolerance)
+    return state
+
+
+def consistent_start(model: AffineModel, parameters: Parameters, start: State, tolerance: float = 1e-12) -> State:
+    """Complete a smooth start so that the equations hold at t = 0.
+
+    Values and the rates of dofs with mass are kept. Free dofs without mass get the rate
+    ``C ẏ = F − A y``, free dofs with mass the acceleration ``M ÿ = F − C ẏ − A y``; rates and
+    accelerations of constrained dofs are taken from `start`. A scheme of second order needs this.
+
+    Parameters
+    ----------
+    model : AffineModel
+    parameters : mapping of str to float
+    start : State
+    tolerance : float
+        Of the linear solves.
+
+    Returns
+    -------
+    State
+    """
+    n = model.space.n_dofs
+    groups = (model.second_order, model.first_order, model.zeroth_order)
+    mass, damping, stiffness = (combine(terms, parameters, n) for terms in groups)
+    forces = stack([load.force for load in model.loads], n)
+    factors = model.amplitudes(parameters) * load_profiles(model.loads, np.zeros(1))[:, 0]
+    residual = (forces @ factors)[:, None] - stiffness @ start.value
+    moved = np.diff(mass.indptr) > 0
+    heavy, light = (np.flatnonzero(which & ~model.constrained) for which in (moved, ~moved))
+    rate, acceleration = start.rate.copy(), start.acceleration.copy()
+    if light.size:
+        rate[light] = 0.0
+        rate[light] = _solve(damping, light, (residual - damping @ rate)[light], "auto", tolerance)
+    if heavy.size:
+        acceleration[heavy] = 0.0
+        right = residual - damping @ rate - mass @ acceleration
+        acceleration[heavy] = _solve(mass, heavy, right[heavy], "auto", tolerance)
+    return State(start.value, rate, acceleration)
+
+
+def _solve(matrix: Sparse, rows: IntArray, right: Array, method: Method, tolerance: float) -> Array:
+    """Solve the symmetric positive definite block of `matrix` at `rows`."""
+    block = csr_array(matrix[rows][:, rows])
+    return make_solver(block, np.ones(rows.size, dtype=bool), method, tolerance).solve(right)

@@ -1,0 +1,109 @@
+"""Solve a model for many parameter vectors, in parallel processes, into a store."""
+
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from dacore.core.arrays import Array
+from dacore.core.model import ForwardModel, Trajectory
+from dacore.core.parameters import ParameterSpace, Sampling
+from dacore.errors import ConvergenceError
+from dacore.io.snapshots import TrajectoryStore
+
+Progress = Callable[[int, int], None]
+
+_worker_model: list[ForwardModel] = []
+
+
+def solve_all(
+    model: ForwardModel,
+    parameters: ParameterSpace,
+    samples: Array,
+    store: TrajectoryStore,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> int:
+    """Solve for every sample that the store does not hold yet.
+
+    Parameters
+    ----------
+    model : ForwardModel
+        Sent to each worker once; must be picklable if `workers` > 1.
+    parameters : ParameterSpace
+        Names the columns of `samples`.
+    samples : (K, n_parameters) array
+    store : TrajectoryStore
+    workers : int
+        Processes; each uses one BLAS thread.
+    progress : callable, optional
+        Called with (done, total).
+
+    Returns
+    -------
+    int
+        How many trajectories were solved now.
+
+    Raises
+    ------
+    ConvergenceError
+        Names the sample whose solve failed; what is done stays in the store.
+    """
+    missing = [index for index in range(len(samples)) if index not in store]
+    done = len(samples) - len(missing)
+    units = {field.name: field.unit for field in model.space.fields}
+    if progress:
+        progress(done, len(samples))
+
+    def keep(index: int, trajectory: Trajectory) -> None:
+        nonlocal done
+        store.write(index, trajectory, samples[index], units)
+        done += 1
+        if progress:
+            progress(done, len(samples))
+
+    points = {index: parameters.as_mapping(samples[index]) for index in missing}
+    if workers <= 1 or len(missing) <= 1:
+        with threadpool_limits(1):
+            for index in missing:
+                keep(index, _named(index, points[index], model))
+        return len(missing)
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(min(workers, len(missing)), context, _start_worker, (model,))
+    try:
+        pending = {pool.submit(_solve_in_worker, index, points[index]): index for index in missing}
+        for future in as_completed(pending):
+            keep(pending[future], future.result())
+    except BrokenProcessPool as error:
+        raise ConvergenceError(
+            f"a worker died with {done} of {len(samples)} trajectories done (out of memory?); "
+            "run again to go on from there, with fewer --workers"
+        ) from error
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+    return len(missing)
+
+
+def draw(parameters: ParameterSpace, count: int, sampling: Sampling, seed: int) -> Array:
+    """Draw (count, n_parameters) samples from a seed of their own."""
+    return parameters.sample(np.random.default_rng(seed), count, sampling)
+
+
+def _start_worker(model: ForwardModel) -> None:
+    threadpool_limits(1)
+    _worker_model[:] = [model]
+
+
+def _solve_in_worker(index: int, point: dict[str, float]) -> Trajectory:
+    return _named(index, point, _worker_model[0])
+
+
+def _named(index: int, point: dict[str, float], model: ForwardModel) -> Trajectory:
+    try:
+        return model.solve(point)
+    except ConvergenceError as error:
+        values = ", ".join(f"{name} = {value:.4g}" for name, value in point.items())
+        raise ConvergenceError(f"sample {index} ({values}): {error}") from error

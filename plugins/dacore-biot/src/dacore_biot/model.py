@@ -1,0 +1,204 @@
+"""Dynamic poroelasticity of the brain, as a scene asks for it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from operator import itemgetter
+from typing import Literal
+
+import numpy as np
+
+from dacore.core.arrays import Array, BoolArray
+from dacore.core.discretization import Discretization
+from dacore.core.fespace import FiniteElementSpace
+from dacore.core.mesh import Mesh
+from dacore.core.model import AffineModel, Discretize, Load, Physics
+from dacore.core.parameters import Parameter, ParameterSpace
+from dacore.dynamics.profiles import Constant, Sine
+from dacore.errors import MeshError, ShapeError
+from dacore_biot import material
+from dacore_biot.operators import DISPLACEMENT, PRESSURE, biot_fields, biot_terms
+
+NeckPressure = Literal["none", "csf"]
+Ranges = Mapping[str, tuple[float, float]]
+
+# Name, unit, default value or range: the table of the paper, section 4.
+_SAMPLED = {
+    "kappa": ("cm^2", (1e-9, 1e-8)),
+    "E": ("dyn/cm^2", (1e5, 1e6)),
+    "nu": ("1", (0.40, 0.45)),
+    "p_ventricles": ("dyn/cm^2", (1.0e4, 1.1e4)),
+}
+_FIXED = {
+    "p_csf": "dyn/cm^2",
+    "xi": "dyn/cm^2",
+    "density": "g/cm^3",
+    "alpha": "1",
+    "skempton": "1",
+    "viscosity": "P",
+    "neck_displacement": "cm",
+}
+
+
+@dataclass(frozen=True)
+class Biot(Physics):
+    """Displacement u [cm] and pressure p [dyn/cm²] of a fluid-filled elastic tissue, in cgs.
+
+    The tissue is held at the neck, pulsates under a traction on its outside, and has given fluid
+    pressures outside and in the ventricles. Without ranges of its own the model is that of the
+    paper (section 4).
+
+    Parameters
+    ----------
+    displacement_order : {1, 2}
+        Elements of u; p has order 1. Order 2 gives Taylor–Hood elements.
+    alpha, skempton, density, viscosity, p_csf : float
+        Biot–Willis and Skempton coefficients, density of the tissue [g/cm³], viscosity of the fluid [P],
+        pressure outside [dyn/cm²].
+    xi, frequency, pulse_axis : float, float, int
+        The traction ``xi sin(2π · frequency · t) s`` [dyn/cm²] on `mre` points along `pulse_axis`;
+        s falls linearly from 1 at the lowest coordinate of the mesh (the back) to 0 at the highest.
+    pressure_on_neck : {"none", "csf"}
+        No flux through the neck, or the outer pressure there.
+    neck_displacement : float
+        Value [cm] of every component of u at the neck: a wrong boundary condition to study.
+    neck, ventricles, mre : str
+        Roles of the boundary.
+    ranges : mapping of str to (low, high)
+        Ranges of parameters in place of the defaults; low = high fixes one. Parameters are kappa
+        [cm²], E [dyn/cm²], nu, p_ventricles, p_csf and xi [dyn/cm²], density, alpha, skempton,
+        viscosity and neck_displacement.
+    log_uniform : tuple of str
+        Parameters to sample uniformly in their logarithm.
+
+    Raises
+    ------
+    ShapeError
+        If a value or range is not physical, or a name is unknown.
+    """
+
+    displacement_order: int = 1
+    alpha: float = 1.0
+    skempton: float = 0.99
+    density: float = 1.0
+    viscosity: float = 1e-2
+    p_csf: float = 1e4
+    xi: float = -500.0
+    frequency: float = 50.0
+    pulse_axis: int = 1
+    pressure_on_neck: NeckPressure = "none"
+    neck_displacement: float = 0.0
+    neck: str = "neck"
+    ventricles: str = "ventricles"
+    mre: str = "mre"
+    ranges: Ranges = field(default_factory=dict)
+    log_uniform: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.displacement_order not in (1, 2):
+            raise ShapeError(f"displacement_order: got {self.displacement_order}, expected 1 or 2")
+        if self.pressure_on_neck not in ("none", "csf"):
+            raise ShapeError(f"pressure_on_neck: got {self.pressure_on_neck!r}, expected 'none' or 'csf'")
+        if not (np.isfinite(self.frequency) and self.frequency > 0):
+            raise ShapeError(f"frequency: got {self.frequency}, expected a positive number of Hz")
+        if len({self.neck, self.ventricles, self.mre}) != 3:
+            raise ShapeError(f"roles: got {self.neck}, {self.ventricles}, {self.mre}, expected three different names")
+        _check_ranges(self.parameters)
+
+    @property
+    def parameters(self) -> ParameterSpace:
+        """Names, units and ranges of the parameters."""
+        every = {name: (unit, bounds) for name, (unit, bounds) in _SAMPLED.items()}
+        every |= {name: (unit, (getattr(self, name),) * 2) for name, unit in _FIXED.items()}
+        unknown = [name for name in (*self.ranges, *self.log_uniform) if name not in every]
+        if unknown:
+            raise ShapeError(f"Biot parameters: got {', '.join(unknown)}, expected any of {', '.join(every)}")
+        return ParameterSpace(
+            tuple(
+                Parameter(
+                    name, unit, *self.ranges.get(name, bounds), "log_uniform" if name in self.log_uniform else "uniform"
+                )
+                for name, (unit, bounds) in every.items()
+            )
+        )
+
+    def build(self, discretize: Discretize) -> AffineModel:
+        """Assemble the seven matrices and three loads on a mesh.
+
+        Raises
+        ------
+        MeshError
+            If the mesh lacks a role, or has a boundary that is none of the three.
+        """
+        mesh = discretize((biot_fields(1)[1],)).mesh
+        self._check_roles(mesh)
+        if not 0 <= self.pulse_axis < mesh.dim:
+            raise ShapeError(f"pulse_axis: got {self.pulse_axis}, expected 0 to {mesh.dim - 1}")
+        discretization = discretize(biot_fields(mesh.dim, self.displacement_order))
+        terms = biot_terms(discretization)
+        held = self._held(discretization)
+        return AffineModel(
+            FiniteElementSpace(discretization),
+            self.parameters,
+            terms.second_order,
+            terms.first_order,
+            terms.zeroth_order,
+            self._loads(discretization, held),
+            constrained=np.logical_or.reduce(list(held.values())),
+            antisymmetric=terms.flow,
+        )
+
+    def _check_roles(self, mesh: Mesh) -> None:
+        expected = {self.neck, self.ventricles, self.mre}
+        if missing := expected - set(mesh.roles):
+            raise MeshError(f"Biot: the mesh has no role {', '.join(sorted(missing))}; it has {', '.join(mesh.roles)}")
+        if loose := set(mesh.roles) - expected:
+            raise MeshError(
+                f"Biot: nothing is held on the boundary {', '.join(sorted(loose))}; "
+                f"expected the roles {self.neck}, {self.ventricles} and {self.mre} only"
+            )
+
+    def _held(self, discretization: Discretization) -> dict[str, BoolArray]:
+        """Dofs (n_dofs,) with prescribed values, by the load that prescribes them; no dof is in two of them."""
+        mesh, layout = discretization.mesh, discretization.layout
+        held = {name: np.zeros(layout.n_dofs, dtype=bool) for name in ("neck", "csf", "ventricles")}
+        nodes = mesh.boundary_nodes(self.neck, self.displacement_order)
+        for axis in range(mesh.dim):
+            held["neck"][layout.component(DISPLACEMENT, axis).start + nodes] = True
+        start = layout.block(PRESSURE).start
+        held["csf"][start + mesh.boundary_nodes(self.mre)] = True
+        held["ventricles"][start + mesh.boundary_nodes(self.ventricles)] = True
+        held["ventricles"] &= ~held["csf"]
+        if self.pressure_on_neck == "csf":
+            held["csf"][start + mesh.boundary_nodes(self.neck)] = True
+            held["csf"] &= ~held["ventricles"]
+        return held
+
+    def _loads(self, discretization: Discretization, held: Mapping[str, BoolArray]) -> tuple[Load, ...]:
+        none, still = np.zeros(discretization.layout.n_dofs), Constant()
+        pulse = Load("pulse", itemgetter("xi"), Sine(self.frequency), self._traction(discretization), none)
+        csf = Load("csf", itemgetter("p_csf"), still, none, held["csf"].astype(np.float64))
+        ventricles = Load("ventricles", itemgetter("p_ventricles"), still, none, held["ventricles"].astype(np.float64))
+        shift = self.parameters["neck_displacement"]
+        if shift.fixed and shift.low == 0:
+            return pulse, csf, ventricles
+        neck = Load("neck", itemgetter("neck_displacement"), still, none, held["neck"].astype(np.float64))
+        return pulse, csf, ventricles, neck
+
+    def _traction(self, discretization: Discretization) -> Array:
+        """∫ s v_y over `mre` (n_dofs,), with s linear between the mesh's ends."""
+        mesh = discretization.mesh
+        low, high = mesh.points[:, self.pulse_axis].min(), mesh.points[:, self.pulse_axis].max()
+        strength = (high - mesh.nodes(self.displacement_order)[:, self.pulse_axis]) / (high - low)
+        force = np.zeros(discretization.layout.n_dofs)
+        rows = discretization.layout.component(DISPLACEMENT, self.pulse_axis)
+        force[rows] = discretization.scalar_boundary_mass(DISPLACEMENT, self.mre) @ strength
+        return force
+
+
+def _check_ranges(space: ParameterSpace) -> None:
+    """ShapeError unless every parameter vector of the space is physical."""
+    for name in material.bounded():
+        material.check(name, space[name].low)
+        material.check(name, space[name].high)
+    if space["alpha"].high * space["skempton"].high >= 1 and space["kappa"].low == 0:
+        raise ShapeError("kappa: got 0 with alpha · skempton = 1, expected kappa > 0 where the storage vanishes")

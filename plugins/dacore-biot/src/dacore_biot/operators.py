@@ -1,0 +1,89 @@
+"""The seven parameter-free matrices of dynamic poroelasticity in (u, p).
+
+Weak form, tested with v and q (the paper, section 2, with 2μ_s in place of the printed 2E and with α
+in the mass balance)::
+
+    ρ(ü, v) + 2μ_s(ε(u), ε(v)) + λ(∇·u, ∇·v) + α(∇p, v) = (g, v)
+    S(ṗ, q) + α(∇·u̇, q) + (κ/μ_f)(∇p, ∇q) = 0
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import block_diag, coo_array, csr_array
+
+from dacore.core.arrays import BoolArray, Sparse
+from dacore.core.discretization import Discretization
+from dacore.core.fields import Field
+from dacore.core.model import AffineTerm, Coefficient
+from dacore_biot import material
+
+DISPLACEMENT, PRESSURE = "u", "p"
+
+
+def biot_fields(dim: int, displacement_order: int = 1) -> tuple[Field, Field]:
+    """Displacement (d components) and pressure (order 1)."""
+    return (
+        Field(DISPLACEMENT, dim, displacement_order, "cm"),
+        Field(PRESSURE, 1, 1, "dyn/cm^2"),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class BiotTerms:
+    """Terms of M, C and A, and the rows of the flow equation.
+
+    Parameters
+    ----------
+    second_order, first_order, zeroth_order : tuple of AffineTerm
+    flow : (n_dofs,) bool array
+    """
+
+    second_order: tuple[AffineTerm, ...]
+    first_order: tuple[AffineTerm, ...]
+    zeroth_order: tuple[AffineTerm, ...]
+    flow: BoolArray
+
+
+def biot_terms(discretization: Discretization) -> BiotTerms:
+    """Assemble the seven matrices once for a mesh.
+
+    Parameters
+    ----------
+    discretization : Discretization
+        Of the fields of `biot_fields`.
+
+    Returns
+    -------
+    BiotTerms
+    """
+    layout = discretization.layout
+    n, u, p = layout.n_dofs, layout.block(DISPLACEMENT), layout.block(PRESSURE)
+    flow = np.zeros(n, dtype=bool)
+    flow[p] = True
+
+    def term(name: str, coefficient: Coefficient, matrix: Sparse, rows: slice, columns: slice) -> AffineTerm:
+        return AffineTerm(name, _place(matrix, rows, columns, n), coefficient)
+
+    components = layout.field(DISPLACEMENT).components
+    inertia = csr_array(block_diag([discretization.scalar_mass(DISPLACEMENT)] * components, format="csr"))
+    return BiotTerms(
+        second_order=(term("inertia", material.density, inertia, u, u),),
+        first_order=(
+            term("storage", material.storage, discretization.scalar_mass(PRESSURE), p, p),
+            term("swelling", material.alpha, discretization.divergence_coupling(DISPLACEMENT, PRESSURE), p, u),
+        ),
+        zeroth_order=(
+            term("shear", material.twice_shear, discretization.strain(DISPLACEMENT), u, u),
+            term("dilation", material.lame, discretization.divergence(DISPLACEMENT), u, u),
+            term("pressure gradient", material.alpha, discretization.gradient_coupling(PRESSURE, DISPLACEMENT), u, p),
+            term("seepage", material.mobility, discretization.scalar_stiffness(PRESSURE), p, p),
+        ),
+        flow=flow,
+    )
+
+
+def _place(block: Sparse, rows: slice, columns: slice, n: int) -> Sparse:
+    """Put a block into an (n, n) matrix."""
+    entries = coo_array(block)
+    return csr_array((entries.data, (entries.row + rows.start, entries.col + columns.start)), shape=(n, n))
