@@ -1,0 +1,220 @@
+"""What is installed: every plugin's declarations, and the class behind each at first use."""
+
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from dacore.errors import DacoreError, MissingDependencyError, PluginError
+from dacore.plugins.declarations import KINDS, Declaration, Failure, one_line, read
+from dacore.plugins.modules import available
+from dacore.plugins.spec import GROUP, PluginSpec
+
+BASES = {
+    "backend": "dacore.core.discretization:Backend",
+    "domain": "dacore.core.domain:Domain",
+    "model": "dacore.core.model:Physics",
+    "observation": "dacore.core.observation:ObservationOperator",
+    "quantity": "dacore.core.quantity:QuantityOfInterest",
+    "estimator": "dacore.core.estimator:Estimator",
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of ``dacore plugins``.
+
+    Parameters
+    ----------
+    kind, name : str
+        "-" where a broken plugin does not say.
+    distribution, version : str
+        The installed package it comes from.
+    status : str
+        "ready", "missing X" or "failed: why".
+    install : str
+        What to type to install what is missing; empty if nothing is.
+    summary : str
+    """
+
+    kind: str
+    name: str
+    distribution: str
+    version: str
+    status: str
+    install: str
+    summary: str
+
+
+@dataclass(frozen=True)
+class Registry:
+    """Declarations that can be used and failures that cannot.
+
+    Parameters
+    ----------
+    declarations : tuple of Declaration
+        No kind has a name twice.
+    failures : tuple of Failure
+    """
+
+    declarations: tuple[Declaration, ...]
+    failures: tuple[Failure, ...] = ()
+
+    def specs(self, kind: str) -> tuple[PluginSpec, ...]:
+        """Return what is declared of a kind, sorted by name, whether or not its libraries are installed.
+
+        Raises
+        ------
+        PluginError
+            If there is no such kind.
+        """
+        _check_kind(kind)
+        found = [each.spec for each in self.declarations if each.kind == kind]
+        return tuple(sorted(found, key=lambda spec: spec.name))
+
+    def get(self, kind: str, name: str) -> type[Any]:
+        """Import the class called `name`.
+
+        Parameters
+        ----------
+        kind : {"backend", "domain", "model", "observation", "quantity", "estimator"}
+        name : str
+
+        Raises
+        ------
+        MissingDependencyError
+            If a library it needs is not installed; says what to install.
+        PluginError
+            If no plugin has that name or two have, the import fails, or the class is not what its
+            kind promises.
+        """
+        declaration = self._find(kind, name)
+        spec = declaration.spec
+        missing = _missing(spec)
+        if missing:
+            raise MissingDependencyError(f"{kind} {name!r} needs {', '.join(missing)}; {_install_line(spec, missing)}")
+        cls = _import(spec.target, f"{kind} {name!r} of {declaration.source}", spec)
+        module, _, attribute = BASES[kind].partition(":")
+        base = getattr(import_module(module), attribute)
+        who = f"{kind} {name!r} of {declaration.source}: {spec.target}"
+        if not isinstance(cls, type) or not issubclass(cls, base):
+            raise PluginError(f"{who} is not a subclass of {BASES[kind].replace(':', '.')}")
+        abstract = sorted(getattr(cls, "__abstractmethods__", ()))
+        if abstract:
+            raise PluginError(f"{who} leaves {', '.join(abstract)} abstract; implement every abstract method")
+        return cls
+
+    def table(self) -> tuple[Row, ...]:
+        """Every plugin, ready or not, by kind and name; imports no plugin class."""
+        rows = [_row(each) for each in self.declarations] + [_failed(each) for each in self.failures]
+        order = {kind: number for number, kind in enumerate(KINDS)}
+        return tuple(sorted(rows, key=lambda row: (order.get(row.kind, len(order)), row.name, row.distribution)))
+
+    def _find(self, kind: str, name: str) -> Declaration:
+        _check_kind(kind)
+        for each in self.declarations:
+            if each.kind == kind and each.spec.name == name:
+                return each
+        broken = [failure for failure in self.failures if failure.kind == kind and failure.name == name]
+        if broken:
+            raise PluginError(f"{kind} {name!r} cannot be used: {broken[0]}")
+        names = [spec.name for spec in self.specs(kind)]
+        close = get_close_matches(name, names, n=3)
+        hint = f" (did you mean {' or '.join(map(repr, close))}?)" if close else ""
+        count = len({failure.source for failure in self.failures})
+        failed = f"; {count} plugin(s) failed to load, see `dacore plugins`" if count else ""
+        raise PluginError(f"{kind} {name!r} is not installed{hint}; there is {', '.join(names) or 'none'}{failed}")
+
+
+def load(points: Iterable[EntryPoint] | None = None) -> Registry:
+    """Read the declarations of every installed plugin; a broken plugin never stops the others.
+
+    Parameters
+    ----------
+    points : iterable of EntryPoint, optional
+        Instead of those installed in the group ``dacore``.
+
+    Returns
+    -------
+    Registry
+        A value; nothing is kept between calls.
+    """
+    found = entry_points(group=GROUP) if points is None else points
+    declarations: list[Declaration] = []
+    failures: list[Failure] = []
+    for point in sorted(found, key=lambda each: (each.name, each.value)):
+        good, bad = read(point)
+        declarations += good
+        failures += bad
+    unique, refused = _refuse_duplicates(declarations)
+    return Registry(tuple(unique), tuple(failures + refused))
+
+
+def _refuse_duplicates(declarations: list[Declaration]) -> tuple[list[Declaration], list[Failure]]:
+    """Set aside every declaration whose name another one of its kind has too: neither may win in silence."""
+    groups: dict[tuple[str, str], list[Declaration]] = defaultdict(list)
+    for each in declarations:
+        groups[each.kind, each.spec.name].append(each)
+    unique = [group[0] for group in groups.values() if len(group) == 1]
+    refused = []
+    for (kind, name), group in groups.items():
+        if len(group) > 1:
+            owners = " and ".join(f"{each.source} ({each.spec.target})" for each in group)
+            reason = f"the name {name!r} is declared more than once, by {owners}; uninstall all but one"
+            refused += [Failure(each.source, reason, kind, name) for each in group]
+    return unique, refused
+
+
+def _check_kind(kind: str) -> None:
+    if kind not in KINDS:
+        raise PluginError(f"plugin kind: got {kind!r}, expected one of {', '.join(KINDS)}")
+
+
+def _missing(spec: PluginSpec) -> list[str]:
+    return [module for module in spec.requires if not available(module)]
+
+
+def _install_line(spec: PluginSpec, missing: list[str]) -> str:
+    return f"install it with: {spec.install or 'pip install ' + ' '.join(missing)}"
+
+
+def _import(target: str, who: str, spec: PluginSpec) -> Any:
+    module, attribute = target.split(":")
+    try:
+        value: Any = import_module(module)
+    except DacoreError:
+        raise
+    except ImportError as error:
+        absent = (error.name or "").partition(".")[0]
+        if absent and not available(absent):
+            line = _install_line(spec, [absent])
+            raise MissingDependencyError(f"{who} needs {absent}, which it does not declare; {line}") from error
+        raise PluginError(f"{who}: {module} could not be imported: {one_line(error)}") from error
+    except Exception as error:
+        raise PluginError(f"{who}: {module} could not be imported: {one_line(error)}") from error
+    if not hasattr(value, attribute):
+        raise PluginError(f"{who}: {module} has no {attribute}")
+    return getattr(value, attribute)
+
+
+def _row(each: Declaration) -> Row:
+    spec = each.spec
+    missing = _missing(spec)
+    module = spec.target.partition(":")[0]
+    if missing:
+        status, install = f"missing {', '.join(missing)}", spec.install or f"pip install {' '.join(missing)}"
+    elif not available(module):
+        status, install = f"failed: module {module} does not exist", ""
+    else:
+        status, install = "ready", ""
+    return Row(each.kind, spec.name, each.source.distribution, each.source.version, status, install, spec.summary)
+
+
+def _failed(each: Failure) -> Row:
+    source = each.source
+    return Row(
+        each.kind or "-", each.name or "-", source.distribution, source.version, f"failed: {each.reason}", "", ""
+    )
