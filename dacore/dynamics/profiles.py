@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dacore.core.arrays import Array
+from dacore.errors import ShapeError
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,9 @@ class Sine:
 
     frequency: float
 
+    def __post_init__(self) -> None:
+        _check_positive("frequency", self.frequency, "Hz")
+
     def __call__(self, times: Array) -> Array:
         """Return factors (t,) at times (t,) [s]."""
         return np.asarray(np.sin(2 * np.pi * self.frequency * times))
@@ -44,6 +48,14 @@ class Ramp:
 
     duration: float
 
+    def __post_init__(self) -> None:
+        _check_positive("duration", self.duration, "seconds")
+
     def __call__(self, times: Array) -> Array:
         """Return factors (t,) at times (t,) [s]."""
         return np.clip(times / self.duration, 0.0, 1.0)
+
+
+def _check_positive(name: str, value: float, unit: str) -> None:
+    if not (np.isfinite(value) and value > 0):
+        raise ShapeError(f"{name}: got {value}, expected a positive number of {unit}")

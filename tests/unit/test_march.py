@@ -1,0 +1,332 @@
+"""Marching an affine model: one set-up a sample, superposition, starts, symmetry; on a poroelastic rod."""
+
+import pickle
+from operator import itemgetter
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_array, diags_array
+
+import dacore.dynamics.march as march_module
+import dacore.dynamics.static as static_module
+from dacore.core.fields import Field, Layout
+from dacore.core.model import AffineModel, AffineTerm, Load
+from dacore.core.parameters import Parameter, ParameterSpace
+from dacore.core.space import StateSpace
+from dacore.core.timegrid import TimeGrid
+from dacore.dynamics.extrapolate import Extrapolation
+from dacore.dynamics.march import MarchedModel
+from dacore.dynamics.newmark import Newmark, State
+from dacore.dynamics.pattern import PatternSum
+from dacore.dynamics.profiles import Constant, Ramp, Sine
+from dacore.dynamics.static import consistent_start, steady_state
+from dacore.dynamics.system import StepSystem
+from dacore.errors import AccuracyError, CapabilityError, ShapeError
+
+N = 12
+THETA = {"rho": 1.3, "modulus": 40.0, "alpha": 0.8, "storage": 0.05, "mobility": 0.3, "pull": -2.0}
+THETA |= {"inflow": 5.0, "outflow": 1.0}
+SCHEMES = [Newmark(), Newmark(0.25, 0.5, "newmark"), Newmark(0.5, 1.0, "newmark"), Newmark(0.3, 0.55)]
+
+
+class Rod(StateSpace):
+    """u and p on N points of [0, 1]."""
+
+    @property
+    def layout(self):
+        return Layout((Field("u", 1), Field("p", 1)), {"u": N, "p": N})
+
+    def scalar_product(self, field, kind="l2"):
+        return csr_array(np.eye(N))
+
+    def evaluation(self, points, field, derivative=None):
+        raise NotImplementedError
+
+
+def rod_matrices():
+    """Mass, stiffness and ∫ a b' of linear elements."""
+    h = 1.0 / (N - 1)
+    weights = np.full(N, 2.0)
+    weights[[0, -1]] = 1.0
+    mass = h / 6 * diags_array([np.ones(N - 1), 2 * weights, np.ones(N - 1)], offsets=[-1, 0, 1])
+    stiffness = diags_array([-np.ones(N - 1), weights, -np.ones(N - 1)], offsets=[-1, 0, 1]) / h
+    ends = np.zeros(N)
+    ends[[0, -1]] = -0.5, 0.5
+    derivative = diags_array([np.full(N - 1, -0.5), ends, np.full(N - 1, 0.5)], offsets=[-1, 0, 1])
+    return csr_array(mass), csr_array(stiffness), csr_array(derivative)
+
+
+def place(block, row, column):
+    grid = np.zeros((2, 2))
+    grid[row, column] = 1.0
+    return csr_array(np.kron(grid, block.toarray()))
+
+
+def rod(**changes):
+    """Held at the left, pulled at the right, with given pressures at both ends; `changes` replaces parts."""
+    mass, stiffness, derivative = rod_matrices()
+    term = lambda name, matrix, row, column: AffineTerm(name, place(matrix, row, column), itemgetter(name))  # noqa: E731
+    constrained, flow = np.zeros(2 * N, dtype=bool), np.arange(2 * N) >= N
+    constrained[[0, N, 2 * N - 1]] = True
+    none = np.zeros(2 * N)
+    force, left, right = np.eye(2 * N)[[N - 1, N, 2 * N - 1]]
+    parts = {
+        "space": Rod(),
+        "parameters": ParameterSpace(tuple(Parameter(name, "1", v, v) for name, v in THETA.items())),
+        "second_order": (term("rho", mass, 0, 0),),
+        "first_order": (term("storage", mass, 1, 1), term("alpha", derivative, 1, 0)),
+        "zeroth_order": (
+            term("modulus", stiffness, 0, 0),
+            term("alpha", derivative, 0, 1),
+            term("mobility", stiffness, 1, 1),
+        ),
+        "loads": (
+            Load("pull", itemgetter("pull"), Sine(1.0), force, none),
+            Load("inflow", itemgetter("inflow"), Constant(), none, right),
+            Load("outflow", itemgetter("outflow"), Constant(), none, left),
+        ),
+        "constrained": constrained,
+        "antisymmetric": flow,
+    }
+    return AffineModel(**(parts | changes))
+
+
+class Counter:
+    """Counts how often a solver is set up, and how often and for how many columns it is used."""
+
+    def __init__(self, make):
+        self.make, self.setups, self.solves, self.columns = make, 0, 0, 0
+
+    def __call__(self, *args):
+        self.setups += 1
+        solver, counter = self.make(*args), self
+
+        class Counted:
+            def solve(self, rhs, guess=None):
+                counter.solves += 1
+                counter.columns += rhs.shape[1]
+                return solver.solve(rhs, guess)
+
+        return Counted()
+
+
+@pytest.fixture
+def counter(monkeypatch):
+    count = Counter(march_module.make_solver)
+    monkeypatch.setattr(march_module, "make_solver", count)
+    monkeypatch.setattr(static_module, "make_solver", count)
+    return count
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("start", ["zero", "steady"])
+def test_every_step_satisfies_the_equations_of_the_full_system(scheme, start):
+    """Dense check that neither elimination nor scaling changed the problem."""
+    model, grid = rod(), TimeGrid(0.02, 15)
+    states = MarchedModel(model, grid, scheme, start).solve(THETA).states
+    mass, damping, stiffness = (
+        sum(t.coefficient(THETA) * t.matrix.toarray() for t in terms)
+        for terms in (model.second_order, model.first_order, model.zeroth_order)
+    )
+    y = steady_state(model, THETA, np.array([[0.0], [5.0], [1.0]])) if start == "steady" else np.zeros((2 * N, 1))
+    old, free = State.at_rest(y), ~model.constrained
+    for k, time in enumerate(grid.times):
+        new = scheme.advance(old, states[:, k : k + 1], grid.step)
+        euler = (new.value - old.value) / grid.step
+        rate = euler if scheme.first_order == "backward_euler" else new.rate
+        force = sum(load.amplitude(THETA) * load.profile(np.array([time])) * load.force for load in model.loads)
+        residual = mass @ new.acceleration + damping @ rate + stiffness @ new.value - force[:, None]
+        assert np.abs(residual[free]).max() < 1e-8 * np.abs(stiffness @ new.value).max()
+        assert states[-1, k] == THETA["inflow"]
+        assert states[N, k] == THETA["outflow"]
+        assert states[0, k] == 0.0
+        old = new
+
+
+def test_responses_share_one_factorisation_and_superposition_costs_no_solve(counter):
+    model = MarchedModel(rod(), TimeGrid(0.02, 20))
+    responses = model.responses(THETA)
+    assert (counter.setups, counter.solves, counter.columns) == (1, 20, 60)
+    for inflow in (0.0, 5.0, 7.0):
+        theta = THETA | {"inflow": inflow}
+        cheap = responses.superpose(model.model.amplitudes(theta)).states
+        assert counter.setups == 1
+        assert counter.solves == 20
+        monolithic = MarchedModel(rod(), TimeGrid(0.02, 20)).solve(theta).states
+        counter.setups, counter.solves = 1, 20
+        np.testing.assert_allclose(cheap, monolithic, rtol=0, atol=1e-10 * np.abs(monolithic).max())
+
+
+def test_a_trajectory_needs_one_set_up_and_one_column(counter):
+    MarchedModel(rod(), TimeGrid(0.02, 20, spin_up=5)).solve(THETA)
+    assert (counter.setups, counter.solves, counter.columns) == (1, 25, 25)
+
+
+def test_superposition_holds_for_a_steady_start_too():
+    model = MarchedModel(rod(), TimeGrid(0.02, 10), start="steady")
+    expected = model.solve(THETA).states
+    states = model.responses(THETA).superpose(model.model.amplitudes(THETA)).states
+    np.testing.assert_allclose(states, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+
+
+def test_responses_do_not_depend_on_amplitudes():
+    model = MarchedModel(rod(), TimeGrid(0.02, 5))
+    np.testing.assert_array_equal(model.responses(THETA).states, model.responses(THETA | {"pull": 9.0}).states)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_steady_start_stays_steady_without_a_pulse(scheme):
+    model = MarchedModel(rod(), TimeGrid(0.02, 30), scheme, start="steady")
+    states = model.solve(THETA | {"pull": 0.0}).states
+    np.testing.assert_allclose(states, states[:, :1].repeat(30, axis=1), rtol=0, atol=1e-8 * np.abs(states).max())
+    x = np.linspace(0, 1, N)
+    np.testing.assert_allclose(states[N:], (1 + 4 * x)[:, None].repeat(30, axis=1), rtol=1e-8)
+    # modulus u'' = alpha p' = 4 alpha, u(0) = 0, u'(1) = 0: exact at the nodes.
+    exact = THETA["alpha"] / THETA["modulus"] * 4 * (0.5 * x**2 - x)
+    np.testing.assert_allclose(states[:N, -1], exact, rtol=0, atol=1e-8 * np.abs(exact).max())
+
+
+def test_zero_start_drifts_to_the_steady_state():
+    """Damping by the scheme and by seepage leaves the equilibrium, however it began."""
+    theta = THETA | {"pull": 0.0}
+    last = MarchedModel(rod(), TimeGrid(0.05, 1, spin_up=4000)).solve(theta).states[:, 0]
+    steady = MarchedModel(rod(), TimeGrid(0.05, 1), start="steady").solve(theta).states[:, 0]
+    np.testing.assert_allclose(last, steady, rtol=0, atol=1e-7 * np.abs(steady).max())
+
+
+def test_spin_up_is_marched_but_not_recorded():
+    long = MarchedModel(rod(), TimeGrid(0.02, 30)).solve(THETA)
+    late = MarchedModel(rod(), TimeGrid(0.02, 10, spin_up=20)).solve(THETA)
+    np.testing.assert_array_equal(late.states, long.states[:, 20:])
+    np.testing.assert_allclose(late.times, long.times[20:])
+
+
+def test_pickled_model_solves_alike():
+    model = MarchedModel(rod(), TimeGrid(0.02, 5), Newmark(0.25, 0.5, "newmark"), "steady", "direct", 1e-9)
+    copy = pickle.loads(pickle.dumps(model))
+    np.testing.assert_array_equal(copy.solve(THETA).states, model.solve(THETA).states)
+    assert (copy.start, copy.method, copy.tolerance) == ("steady", "direct", 1e-9)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_step_matrix_is_symmetric_quasi_definite(scheme):
+    system = StepSystem(rod(), scheme, 0.02)
+    matrix = system.at(THETA).matrix.toarray()
+    np.testing.assert_allclose(matrix, matrix.T, rtol=0, atol=1e-13 * np.abs(matrix).max())
+    definite = system.definite
+    assert np.linalg.eigvalsh(matrix[np.ix_(definite, definite)]).min() > 0
+    assert np.linalg.eigvalsh(matrix[np.ix_(~definite, ~definite)]).max() < 0
+
+
+def test_a_boundary_where_nothing_is_held_is_refused():
+    held = np.zeros(2 * N, dtype=bool)
+    with pytest.raises(AccuracyError, match="unsymmetric"):
+        MarchedModel(rod(constrained=held, loads=()), TimeGrid(0.02, 3))
+
+
+def test_unmarked_flow_rows_are_refused():
+    with pytest.raises(AccuracyError, match="unsymmetric"):
+        MarchedModel(rod(antisymmetric=np.zeros(2 * N, dtype=bool)), TimeGrid(0.02, 3))
+
+
+def test_wrongly_marked_rows_are_refused():
+    with pytest.raises(ShapeError, match="antisymmetric rows have mass"):
+        MarchedModel(rod(antisymmetric=np.arange(2 * N) < N), TimeGrid(0.02, 3))
+
+
+def test_a_model_without_free_dofs_is_refused():
+    with pytest.raises(ShapeError, match="every dof is constrained"):
+        MarchedModel(rod(constrained=np.ones(2 * N, dtype=bool)), TimeGrid(0.02, 3))
+
+
+def test_missing_parameters_are_named():
+    theta = {name: value for name, value in THETA.items() if name != "alpha"}
+    with pytest.raises(ShapeError, match="alpha missing"):
+        MarchedModel(rod(), TimeGrid(0.02, 3)).solve(theta)
+
+
+def test_unknown_start_is_refused():
+    with pytest.raises(ShapeError, match="'zero' or 'steady'"):
+        MarchedModel(rod(), TimeGrid(0.02, 3), start="rest")
+
+
+def test_a_flow_that_sees_the_displacement_at_rest_has_no_steady_start():
+    base = rod()
+    sight = AffineTerm("sight", place(rod_matrices()[0], 1, 0), itemgetter("alpha"))
+    model = rod(zeroth_order=(*base.zeroth_order, sight))
+    with pytest.raises(CapabilityError, match="steady start"):
+        steady_state(model, THETA, np.eye(3))
+
+
+def test_consistent_start_satisfies_the_equations_at_time_zero():
+    model = rod()
+    rng = np.random.default_rng(0)
+    given = State(*(rng.standard_normal((2 * N, 1)) for _ in range(3)))
+    start = consistent_start(model, THETA, given)
+    mass, damping, stiffness = (
+        sum(t.coefficient(THETA) * t.matrix for t in terms)
+        for terms in (model.second_order, model.first_order, model.zeroth_order)
+    )
+    residual = mass @ start.acceleration + damping @ start.rate + stiffness @ start.value
+    assert np.abs(residual[~model.constrained]).max() < 1e-9
+    np.testing.assert_array_equal(start.rate[:N], given.rate[:N])
+    np.testing.assert_array_equal(start.rate[model.constrained], given.rate[model.constrained])
+
+
+def test_energy_is_lost_to_seepage_alone():
+    """β = 1/4, γ = 1/2: E₁ − E₀ = −τ κ |∇p_mid|², exactly; E = ½(ẏᵀMẏ + uᵀKu + S pᵀMp)."""
+    model, grid = rod(loads=()), TimeGrid(0.03, 60)
+    mass, stiffness, _ = rod_matrices()
+    rng = np.random.default_rng(0)
+    value, rate = np.zeros((2 * N, 1)), np.zeros((2 * N, 1))
+    value[1:-1] = rng.standard_normal((2 * N - 2, 1))
+    value[N] = 0.0
+    rate[1:N] = rng.standard_normal((N - 1, 1))
+    for mobility in (0.0, 0.3):
+        theta = THETA | {"mobility": mobility}
+        start = consistent_start(model, theta, State(value, rate, np.zeros_like(value)))
+        scheme = Newmark(0.25, 0.5, "newmark")
+        states = MarchedModel(model, grid, scheme, tolerance=1e-13).march(theta, start).states
+        old, energies, losses = start, [], []
+        for column in [None, *states.T]:
+            new = old if column is None else scheme.advance(old, column[:, None], grid.step)
+            (u, p), v = new.value[:, 0].reshape(2, N), new.rate[:N, 0]
+            kinetic, elastic = theta["rho"] * v @ (mass @ v), theta["modulus"] * u @ (stiffness @ u)
+            energies.append(0.5 * (kinetic + elastic + theta["storage"] * p @ (mass @ p)))
+            middle = 0.5 * (old.value + new.value)[N:, 0]
+            losses.append(grid.step * mobility * middle @ (stiffness @ middle))
+            old = new
+        np.testing.assert_allclose(np.diff(energies), -np.array(losses[1:]), rtol=0, atol=1e-9 * energies[0])
+        if mobility:
+            assert energies[-1] < 0.9 * energies[0]
+
+
+def test_sum_on_one_pattern_equals_the_sum():
+    rng = np.random.default_rng(0)
+    blocks = [csr_array(np.where(rng.random((7, 5)) < 0.3, rng.standard_normal((7, 5)), 0.0)) for _ in range(4)]
+    weights = rng.standard_normal(4)
+    expected = sum(w * b.toarray() for w, b in zip(weights, blocks, strict=True))
+    np.testing.assert_allclose(PatternSum(blocks, (7, 5)).combine(weights).toarray(), expected, atol=1e-14)
+    assert PatternSum([], (7, 5)).combine(np.zeros(0)).nnz == 0
+    with pytest.raises(ShapeError, match="matrices of a sum"):
+        PatternSum(blocks, (5, 7))
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_extrapolation_is_exact_for_polynomials(order):
+    powers = np.arange(order)[:, None]
+    past = Extrapolation(0.0**powers, order)
+    for k in range(1, 8):
+        if k >= order:
+            np.testing.assert_allclose(past.guess(), float(k) ** powers, rtol=1e-9)
+        past.append(float(k) ** powers)
+
+
+def test_profiles():
+    times = np.array([0.0, 0.05, 0.1, 0.4])
+    np.testing.assert_allclose(Sine(5.0)(times), np.sin(10 * np.pi * times))
+    np.testing.assert_allclose(Ramp(0.1)(times), [0, 0.5, 1, 1])
+    np.testing.assert_allclose(Constant()(times), 1.0)
+    for make, value in ((Sine, 0.0), (Ramp, -1.0)):
+        with pytest.raises(ShapeError, match="positive"):
+            make(value)
