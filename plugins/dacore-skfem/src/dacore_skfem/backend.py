@@ -5,12 +5,14 @@ and ∫ ab. Each block is assembled when first needed and kept, since strain, di
 stiffness share them. This is about nine times faster than scikit-fem's vector elements.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 import skfem
-from scipy.sparse import block_array, csr_array
+from scipy.sparse import csr_array, vstack
+from skfem import BilinearForm
 
 from dacore.core.arrays import Array, Sparse
 from dacore.core.discretization import Backend, Discretization
@@ -57,7 +59,8 @@ class SkfemDiscretization(Discretization):
         self.fields = tuple(fields)
         self._layout = super().layout
         self._patterns: dict[tuple[int, int], Pattern] = {}
-        self._cache: dict[tuple[Any, ...], Sparse] = {}
+        self._blocks: dict[tuple[Any, ...], Array] = {}
+        self._forms: dict[tuple[Any, ...], Sparse] = {}
         self._facets: dict[str, FacetIntegrals] = {}
 
     @property
@@ -68,13 +71,12 @@ class SkfemDiscretization(Discretization):
     def scalar_mass(self, field: str) -> Sparse:
         """∫ a b for one component of `field`: (n_nodes, n_nodes)."""
         order = self._order(field)
-        self._assemble({("mass", order): forms.product()}, order, order, 2 * order)
-        return self._cache["mass", order]
+        return self._once(("mass", order), lambda: self._mass(order))
 
     def scalar_stiffness(self, field: str) -> Sparse:
         """∫ ∇a·∇b for one component of `field`: (n_nodes, n_nodes)."""
         order = self._order(field)
-        return self._once(("stiffness", order), lambda: self._stiffness(order))
+        return self._once(("stiffness", order), lambda: self._scalar(order, self._laplace(order)))
 
     def strain(self, field: str) -> Sparse:
         """∫ ε(a):ε(b) of a vector field: (n_field, n_field)."""
@@ -84,25 +86,22 @@ class SkfemDiscretization(Discretization):
     def divergence(self, field: str) -> Sparse:
         """∫ (∇·a)(∇·b) of a vector field: (n_field, n_field)."""
         order = self._vector_order(field)
-        return self._once(("divergence", order), lambda: _block(self._second(order)))
+        return self._once(("divergence", order), lambda: self._divergence(order))
 
     def gradient_coupling(self, scalar: str, vector: str) -> Sparse:
         """∫ ∇p·v, v the test function: (n_vector, n_scalar)."""
         trial, test = self._scalar_order(scalar), self._vector_order(vector)
-        return self._once(("gradient", trial, test), lambda: _block([[c] for c in self._first(trial, test)]))
+        return self._once(("gradient", trial, test), lambda: self._gradient(trial, test))
 
     def divergence_coupling(self, vector: str, scalar: str) -> Sparse:
         """∫ q ∇·u, q the test function: (n_scalar, n_vector)."""
         trial, test = self._vector_order(vector), self._scalar_order(scalar)
-        return self._once(("coupling", trial, test), lambda: _block([self._first(trial, test)]))
+        return self._once(("coupling", trial, test), lambda: self._coupling(trial, test))
 
     def scalar_boundary_mass(self, field: str, role: str) -> Sparse:
         """∫ a b over the boundary `role` for one component: (n_nodes, n_nodes)."""
         order = self._order(field)
-        return self._once(
-            ("boundary mass", order, role),
-            lambda: csr_array(self._boundary(role).assemble(forms.product(), order, order, 2 * order)),
-        )
+        return self._once(("boundary mass", order, role), lambda: self._boundary_mass(order, role))
 
     def boundary_coupling(self, scalar: str, vector: str, role: str) -> Sparse:
         """∫ p v·n over the boundary `role`, n outward, v the test function: (n_vector, n_scalar)."""
@@ -142,62 +141,81 @@ class SkfemDiscretization(Discretization):
         return self._order(field)
 
     def _once(self, key: tuple[Any, ...], make: Callable[[], Sparse]) -> Sparse:
-        if key not in self._cache:
-            self._cache[key] = make()
-        return self._cache[key]
+        if key not in self._forms:
+            self._forms[key] = make()
+        return self._forms[key]
 
-    def _stiffness(self, order: int) -> Sparse:
-        diagonal = [(axis, axis) for axis in range(self.mesh.dim)]
-        blocks = self._derivatives(order, diagonal)
-        return csr_array(sum(blocks[1:], start=blocks[0]))
+    def _mass(self, order: int) -> Sparse:
+        chunks = self._integrals.chunks([forms.product()], order, order, 2 * order)
+        return self._scalar(order, self._pattern(order, order).scatter(chunks, 1)[0])
+
+    def _scalar(self, order: int, values: Array) -> Sparse:
+        return self._pattern(order, order).block(1, 1, lambda a, b: values)
+
+    def _laplace(self, order: int) -> Array:
+        """Values of Σ_i D_ii."""
+        self._second(order, [(axis, axis) for axis in range(self.mesh.dim)])
+        return np.asarray(sum(self._blocks["D", order, axis, axis] for axis in range(self.mesh.dim)))
 
     def _strain(self, order: int) -> Sparse:
-        # ε(u):ε(v) = ½ Σ_ij (∂_j u_i ∂_j v_i + ∂_j u_i ∂_i v_j): block (a, b) is ½ (δ_ab K + D_ba).
-        second = self._second(order)
-        half = 0.5 * self.scalar_stiffness(next(f.name for f in self.fields if f.order == order))
-        axes = range(self.mesh.dim)
-        return _block([[0.5 * second[b][a] + half if a == b else 0.5 * second[b][a] for b in axes] for a in axes])
+        # ε(u):ε(v) = ½ Σ_ij (∂_j u_i ∂_j v_i + ∂_j u_i ∂_i v_j): block (a, b) is ½ (δ_ab Σ_i D_ii + D_ba).
+        laplace = self._laplace(order)
+        second = self._all_second(order)
+        pattern = self._pattern(order, order)
+        return pattern.block(
+            self.mesh.dim, self.mesh.dim, lambda a, b: 0.5 * (second(b, a) + laplace if a == b else second(b, a))
+        )
 
-    def _second(self, order: int) -> list[list[Sparse]]:
-        """Blocks D[i][j] = ∫ ∂_i a ∂_j b, a the test function, for all pairs of axes."""
-        axes = range(self.mesh.dim)
-        upper = [(i, j) for i in axes for j in axes if i <= j]
-        blocks = dict(zip(upper, self._derivatives(order, upper), strict=True))
-        return [[blocks[i, j] if i <= j else csr_array(blocks[j, i].T) for j in axes] for i in axes]
+    def _divergence(self, order: int) -> Sparse:
+        return self._pattern(order, order).block(self.mesh.dim, self.mesh.dim, self._all_second(order))
 
-    def _derivatives(self, order: int, pairs: Sequence[tuple[int, int]]) -> list[Sparse]:
-        wanted = {("second", order, i, j): forms.second(i, j) for i, j in pairs}
+    def _gradient(self, trial: int, test: int) -> Sparse:
+        first = self._first(trial, test)
+        return self._pattern(trial, test).block(self.mesh.dim, 1, lambda a, b: first[a])
+
+    def _coupling(self, trial: int, test: int) -> Sparse:
+        first = self._first(trial, test)
+        return self._pattern(trial, test).block(1, self.mesh.dim, lambda a, b: first[b])
+
+    def _all_second(self, order: int) -> Callable[[int, int], Array]:
+        """Make D available for all pairs of axes: a function of (i, j) that gives its values."""
+        axes = range(self.mesh.dim)
+        self._second(order, [(i, j) for i in axes for j in axes if i <= j])
+        pattern = self._pattern(order, order)
+
+        def values(i: int, j: int) -> Array:
+            # D_ji is the transpose of D_ij.
+            return self._blocks["D", order, i, j] if i <= j else pattern.transpose(self._blocks["D", order, j, i])
+
+        return values
+
+    def _second(self, order: int, pairs: Sequence[tuple[int, int]]) -> None:
+        wanted = {("D", order, i, j): forms.second(i, j) for i, j in pairs}
         self._assemble(wanted, order, order, 2 * (order - 1))
-        return [self._cache[key] for key in wanted]
 
-    def _first(self, trial: int, test: int) -> list[Sparse]:
-        """Blocks C[j] = ∫ a ∂_j b, a the test function of order `test`, b of order `trial`."""
-        wanted = {("first", trial, test, axis): forms.first(axis) for axis in range(self.mesh.dim)}
+    def _first(self, trial: int, test: int) -> list[Array]:
+        """Values of C_j = ∫ a ∂_j b, a the test function of order `test`, b of order `trial`."""
+        wanted = {("C", trial, test, axis): forms.first(axis) for axis in range(self.mesh.dim)}
         self._assemble(wanted, trial, test, test + trial - 1)
-        return [self._cache[key] for key in wanted]
+        return [self._blocks[key] for key in wanted]
+
+    def _boundary_mass(self, order: int, role: str) -> Sparse:
+        return csr_array(self._boundary(role).assemble(forms.product(), order, order, 2 * order))
 
     def _normal(self, trial: int, test: int, role: str) -> Sparse:
         surface = self._boundary(role)
-        return _block(
-            [[surface.assemble(forms.normal(axis), trial, test, trial + test)] for axis in range(self.mesh.dim)]
-        )
+        parts = [surface.assemble(forms.normal(axis), trial, test, trial + test) for axis in range(self.mesh.dim)]
+        return csr_array(vstack(parts, format="csr"))
 
-    def _assemble(self, wanted: dict[tuple[Any, ...], Any], trial: int, test: int, degree: int) -> None:
-        """Put those of the wanted blocks that are not there yet into the cache, in one pass over the cells."""
-        missing = {key: form for key, form in wanted.items() if key not in self._cache}
+    def _assemble(self, wanted: Mapping[Any, BilinearForm], trial: int, test: int, degree: int) -> None:
+        """Assemble those of the wanted blocks that are not there yet, in one pass over the cells."""
+        missing = {key: form for key, form in wanted.items() if key not in self._blocks}
         if missing:
             chunks = self._integrals.chunks(list(missing.values()), trial, test, degree)
-            self._cache.update(zip(missing, self._pattern(trial, test).scatter(chunks, len(missing)), strict=True))
+            self._blocks.update(zip(missing, self._pattern(trial, test).scatter(chunks, len(missing)), strict=True))
 
     def _pattern(self, trial: int, test: int) -> Pattern:
         if (trial, test) not in self._patterns:
             columns, rows = self._integrals.dofs(trial), self._integrals.dofs(test)
             self._patterns[trial, test] = Pattern(columns.element_dofs, rows.element_dofs, (rows.N, columns.N))
         return self._patterns[trial, test]
-
-
-def _block(blocks: list[list[Any]]) -> Sparse:
-    """Block matrix with sorted indices."""
-    matrix = csr_array(block_array(blocks, format="csr"))
-    matrix.sort_indices()
-    return matrix
