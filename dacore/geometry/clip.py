@@ -13,6 +13,8 @@ from dacore.geometry.clip_split import snap, split, volume_fractions
 
 #: Simplices handled at once: large enough for numpy, small enough for the processor's cache.
 BATCH = 16_384
+# Entries of the matrix that wait to be summed, about 50 MB.
+_ENTRIES = 2_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,14 +143,25 @@ def box_integrals(
         raise ShapeError(f"boxes: got {lower.tolist()} to {upper.tolist()}, expected at least one on each axis")
     edges = points[cells[:, 1:]] - points[cells[:, :1]]
     volumes = np.abs(np.linalg.det(edges)) / (2.0 if dim == 2 else 6.0)
-    total = csr_array((int(np.prod(upper - lower)), int(nodes.max()) + 1))
+    shape = (int(np.prod(upper - lower)), int(nodes.max()) + 1)
+    total = csr_array(shape)
+    waiting: list[tuple[Array, IntArray, IntArray]] = []
     for piece in clip(points, cells, lower, upper, batch):
         scale = (volumes[piece.cell] * piece.fraction)[:, None]
         values = scale * basis_means(order, piece.barycentric)
-        rows = np.repeat(piece.box, values.shape[1])
-        part = coo_array((values.ravel(), (rows, nodes[piece.cell].ravel())), shape=total.shape)
-        total = csr_array(total + part.tocsr())
-    return total
+        waiting.append((values.ravel(), np.repeat(piece.box, values.shape[1]), nodes[piece.cell].ravel()))
+        if sum(len(entry[0]) for entry in waiting) > _ENTRIES:
+            total = csr_array(total + _gather(waiting, shape))
+            waiting = []
+    return csr_array(total + _gather(waiting, shape))
+
+
+def _gather(entries: list[tuple[Array, IntArray, IntArray]], shape: tuple[int, int]) -> Sparse:
+    """Sum of (values, rows, columns) as a csr_array."""
+    if not entries:
+        return csr_array(shape)
+    values, rows, columns = (np.concatenate(parts) for parts in zip(*entries, strict=True))
+    return csr_array(coo_array((values, (rows, columns)), shape=shape))
 
 
 def basis_means(order: int, barycentric: Array) -> Array:
@@ -185,9 +198,7 @@ def _layers(coordinates: Array) -> tuple[IntArray, IntArray]:
     return low.astype(np.int64), high.astype(np.int64)
 
 
-def _bisect(
-    vertices: Array, low: IntArray, high: IntArray, lower: IntArray, upper: IntArray
-) -> tuple[Array, IntArray]:
+def _bisect(vertices: Array, low: IntArray, high: IntArray, lower: IntArray, upper: IntArray) -> tuple[Array, IntArray]:
     """Cut each simplex at one grid plane: first where asked boxes end, then in its middle."""
     dim = low.shape[1]
     beneath, above = low < lower, high >= upper

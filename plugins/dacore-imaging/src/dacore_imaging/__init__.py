@@ -34,5 +34,10 @@ def dacore_quantities() -> list[PluginSpec]:
             "boundary_mean",
             "dacore_imaging.quantities:BoundaryMean",
             summary="mean of a field over a boundary, e.g. the ventricular pressure",
-        )
+        ),
+        PluginSpec(
+            "volume_mean",
+            "dacore_imaging.quantities:VolumeMean",
+            summary="mean of a field over the whole domain",
+        ),
     ]
