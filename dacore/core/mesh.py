@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dacore.core.arrays import Array, IntArray, as_array, as_indices, check_shape
 from dacore.core.simplex import barycentric_gradients, local_edges
@@ -58,7 +58,10 @@ class Mesh:
             dim = nodes.shape[1]
             simplices = as_indices("mesh cells", cells, (None, dim + 1), len(nodes))
             faces = as_indices("mesh facets", facets, (None, dim), len(nodes))
-            tags = np.array(facet_tags, dtype=np.int64)
+            given = np.asarray(facet_tags)
+            if given.size and not np.issubdtype(given.dtype, np.integer):
+                raise MeshError(f"mesh facet tags: got numbers of type {given.dtype}, expected integers")
+            tags = np.array(given, dtype=np.int64)
             check_shape("mesh facet tags", tags, (len(faces),))
         except ShapeError as error:
             raise MeshError(str(error)) from error
@@ -67,12 +70,13 @@ class Mesh:
             ("points", nodes), ("cells", simplices), ("facets", faces), ("facet_tags", tags), ("roles", dict(roles)),
         ):  # fmt: skip
             object.__setattr__(self, name, value)
+        if len(simplices) == 0:
+            raise MeshError("mesh cells: got none, expected at least one")
+        self._check_points()
         self._check_cells()
         self._check_boundary()
 
-    def _check_cells(self) -> None:
-        if len(self.cells) == 0:
-            raise MeshError("mesh cells: got none, expected at least one")
+    def _check_points(self) -> None:
         used = np.zeros(len(self.points), dtype=bool)
         used[self.cells] = True
         if not used.all():
@@ -80,16 +84,27 @@ class Mesh:
             raise MeshError(
                 f"mesh points: {len(orphans)} belong to no cell (first: {orphans[0]}); remove the orphan points"
             )
+        order = np.lexsort(self.points.T)
+        same = (self.points[order[1:]] == self.points[order[:-1]]).all(axis=1)
+        if same.any():
+            pair = np.sort(order[np.flatnonzero(same)[0] + np.arange(2)])
+            raise MeshError(
+                f"mesh points: {int(same.sum())} coincide with another (first pair: {pair[0]} and {pair[1]}); "
+                "merge the points, or the domain falls apart there"
+            )
+
+    def _check_cells(self) -> None:
         ordered = np.sort(self.cells, axis=1)
         if (ordered[:, 1:] == ordered[:, :-1]).any():
             raise MeshError("mesh cells: a cell names the same point twice; remove degenerate cells")
-        _, first, counts = np.unique(ordered, axis=0, return_index=True, return_counts=True)
-        if (counts > 1).any():
+        order = np.lexsort(ordered.T)
+        doubled = order[1:][(ordered[order[1:]] == ordered[order[:-1]]).all(axis=1)]
+        if len(doubled):
             raise MeshError(
-                f"mesh cells: {int((counts > 1).sum())} cells are there more than once "
-                f"(first: {first[counts > 1][0]}); remove the duplicates"
+                f"mesh cells: {len(doubled)} repeat an earlier one (first: {doubled.min()}); remove the duplicates"
             )
-        flat = self.volumes <= 1e-13 * np.abs(self.volumes).max()
+        # Measured against each cell's own size, so that a strongly graded mesh passes.
+        flat = self.volumes <= 1e-13 * np.ptp(self.points[self.cells], axis=1).max(axis=1) ** self.dim
         if flat.any():
             raise MeshError(
                 f"mesh cells: {int(flat.sum())} of {len(flat)} are inverted or flat (first: {np.flatnonzero(flat)[0]}, "
@@ -98,7 +113,7 @@ class Mesh:
 
     def _check_boundary(self) -> None:
         exterior = self.exterior_facets
-        want, have = self._rows(exterior), self._rows(self.facets)
+        want, have = self._codes(exterior), self._codes(self.facets)
         if len(np.unique(have)) != len(have):
             raise MeshError("mesh facets: a facet is listed twice; expected one tag a facet")
         stray = ~np.isin(have, want)
@@ -123,12 +138,12 @@ class Mesh:
     @cached_property
     def volumes(self) -> Array:
         """Volumes (c,) [cm^d] of the cells."""
-        return barycentric_gradients(self.points, self.cells)[1]
+        return _frozen(barycentric_gradients(self.points, self.cells)[1])
 
     @cached_property
     def exterior_facets(self) -> IntArray:
         """Boundary facets (f, d) as the cells have them, oriented outwards."""
-        return exterior_facets(self.cells)
+        return _frozen(exterior_facets(self.cells))
 
     @cached_property
     def edges(self) -> IntArray:
@@ -143,21 +158,22 @@ class Mesh:
     @cached_property
     def _edges(self) -> tuple[IntArray, IntArray]:
         pairs = np.array(local_edges(self.dim))
-        every = np.sort(self.cells[:, pairs].reshape(-1, 2), axis=1)
-        edges, inverse = np.unique(every, axis=0, return_inverse=True)
-        return edges, inverse.reshape(len(self.cells), len(pairs)).astype(np.int64)
+        codes, inverse = np.unique(self._codes(self.cells[:, pairs].reshape(-1, 2)), return_inverse=True)
+        edges = np.stack(np.divmod(codes, len(self.points)), axis=1)
+        return _frozen(edges), _frozen(inverse.reshape(len(self.cells), len(pairs)).astype(np.int64))
+
+    @cached_property
+    def _quadratic(self) -> tuple[Array, IntArray]:
+        nodes = np.concatenate([self.points, self.points[self.edges].mean(axis=1)])
+        return _frozen(nodes), _frozen(np.concatenate([self.cells, len(self.points) + self.cell_edges], axis=1))
 
     def nodes(self, order: int) -> Array:
         """Coordinates (n_nodes, d) [cm] of the nodes of elements of order 1 or 2."""
-        if order == 1:
-            return self.points
-        return np.concatenate([self.points, self.points[self.edges].mean(axis=1)])
+        return self.points if order == 1 else self._quadratic[0]
 
     def cell_nodes(self, order: int) -> IntArray:
         """Node numbers (c, n_local) of each cell for elements of order 1 or 2."""
-        if order == 1:
-            return self.cells
-        return np.concatenate([self.cells, len(self.points) + self.cell_edges], axis=1)
+        return self.cells if order == 1 else self._quadratic[1]
 
     def boundary_facets(self, role: str) -> IntArray:
         """Facets (f, d) that carry `role`; MeshError if the mesh has no such role."""
@@ -169,19 +185,12 @@ class Mesh:
         vertices = np.unique(facets)
         if order == 1:
             return vertices
-        pairs = np.concatenate([facets[:, pair] for pair in map(list, combinations(range(self.dim), 2))])
-        wanted = np.isin(self._rows(self.edges), self._rows(pairs))
+        pairs = np.concatenate([facets[:, list(pair)] for pair in local_edges(self.dim - 1)])
+        wanted = np.isin(self._codes(self.edges), self._codes(pairs))
         return np.concatenate([vertices, len(self.points) + np.flatnonzero(wanted)])
 
-    def _rows(self, table: IntArray) -> IntArray:
-        """One number (n,) for each row of vertex numbers, whatever their order in the row."""
-        base = len(self.points)
-        if base ** table.shape[1] >= 2**63:
-            raise MeshError(f"mesh: {base} points are more than facet numbering can hold; split the domain")
-        code = np.zeros(len(table), dtype=np.int64)
-        for column in np.sort(table, axis=1).T:
-            code = code * base + column
-        return code
+    def _codes(self, table: IntArray) -> IntArray:
+        return _row_codes(table, len(self.points))
 
     def _tag(self, role: str) -> int:
         if role not in self.roles:
@@ -199,7 +208,29 @@ def exterior_facets(cells: IntArray) -> IntArray:
             rest[0], rest[1] = rest[1], rest[0]
         facets.append(cells[:, rest])
     every = np.concatenate(facets)
-    _, first, counts = np.unique(np.sort(every, axis=1), axis=0, return_index=True, return_counts=True)
+    _, first, counts = np.unique(_row_codes(every, int(cells.max()) + 1), return_index=True, return_counts=True)
     if (counts > 2).any():
         raise MeshError(f"mesh cells: {int((counts > 2).sum())} facets belong to more than two cells; not a manifold")
     return np.asarray(every[first[counts == 1]])
+
+
+def _row_codes(table: IntArray, base: int) -> IntArray:
+    """One number (n,) for each row of vertex numbers below `base`, whatever their order in the row.
+
+    The numbers are in the lexicographic order of the sorted rows.
+    """
+    if base ** table.shape[1] >= 2**63:
+        raise MeshError(f"mesh: {base} points are more than facet numbering can hold; split the domain")
+    code = np.zeros(len(table), dtype=np.int64)
+    for column in np.sort(table, axis=1).T:
+        code = code * base + column
+    return code
+
+
+_Any = TypeVar("_Any", bound=np.generic)
+
+
+def _frozen(array: NDArray[_Any]) -> NDArray[_Any]:
+    """Make an array read-only: what a mesh hands out is shared."""
+    array.flags.writeable = False
+    return array

@@ -5,6 +5,7 @@ lexicographic order of the local vertex numbers.
 """
 
 from itertools import combinations
+from math import factorial
 
 import numpy as np
 
@@ -81,15 +82,30 @@ def barycentric_gradients(points: Array, cells: IntArray) -> tuple[Array, Array]
     -------
     gradients : (c, d + 1, d) array
     volumes : (c,) array
-        Negative where a cell is inverted.
+        Negative where a cell is inverted, zero where it is flat (its gradients are then zero).
     """
-    vertices = points[cells]
-    edges = vertices[:, 1:] - vertices[:, :1]
-    dim = points.shape[1]
-    determinant = np.linalg.det(edges)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        safe = np.where((determinant == 0)[:, None, None], np.eye(dim), edges)
-        inner = np.swapaxes(np.linalg.inv(safe), 1, 2)
-    gradients = np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
-    factorial = {1: 1.0, 2: 2.0, 3: 6.0}[dim]
-    return gradients, determinant / factorial
+    edges = points[cells[:, 1:]] - points[cells[:, :1]]
+    normals = _cofactors(edges)
+    determinant = np.einsum("cd,cd->c", edges[:, 0], normals[:, 0])
+    inverse = np.divide(1.0, determinant, out=np.zeros_like(determinant), where=determinant != 0)
+    gradients = np.empty((len(cells), cells.shape[1], points.shape[1]))
+    np.multiply(normals, inverse[:, None, None], out=gradients[:, 1:])
+    np.negative(gradients[:, 1:].sum(axis=1), out=gradients[:, 0])
+    return gradients, determinant / factorial(points.shape[1])
+
+
+def _cofactors(edges: Array) -> Array:
+    """Cofactors of matrices (c, d, d), d up to 3; by hand, since LAPACK is several times slower on small ones."""
+    e = np.moveaxis(edges, 0, -1)
+    out = np.empty_like(e)
+    if len(e) == 1:
+        out[0, 0] = 1.0
+    elif len(e) == 2:
+        (out[0, 0], out[0, 1]), (out[1, 0], out[1, 1]) = (e[1, 1], -e[1, 0]), (-e[0, 1], e[0, 0])
+    else:
+        for i in range(3):
+            a, b = e[(i + 1) % 3], e[(i + 2) % 3]
+            for k in range(3):
+                m, n = (k + 1) % 3, (k + 2) % 3
+                out[i, k] = a[m] * b[n] - a[n] * b[m]
+    return np.ascontiguousarray(np.moveaxis(out, -1, 0))
