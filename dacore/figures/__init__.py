@@ -1,1 +1,26 @@
-"""One figure a file: data in, Figure out."""
+"""One figure a file: data in, Figure out.
+
+Every function takes plain arrays and small frozen values, draws with matplotlib's object interface
+(no pyplot, no global state) and returns a `matplotlib.figure.Figure`; `dacore.figures.style` turns
+one into PNG or SVG bytes.
+
+========================  ==========================================================
+`spectrum.spectrum`       singular values and tails ε̂_n
+`inf_sup.inf_sup`         stability constants β_n
+`bound.bound`             the a-priori bound ε̂_n/β_n, the chosen n, measured errors
+`cycle.cycle_errors`      errors over the cycle, one line a case
+`modes.modes`             first modes on a slice
+`voxels.measured_slice`   the measured voxels of one slice
+`comparison.comparison`   truth, reconstruction, difference, standard deviation
+`quantity.quantity`       estimated against true quantity of interest
+`summary.summary`         error of each estimator for each noise level
+`hero.hero`               from measured voxels to a hidden field, one wide strip
+========================  ==========================================================
+"""
+
+from importlib.util import find_spec
+
+from dacore.errors import MissingDependencyError
+
+if find_spec("matplotlib") is None:
+    raise MissingDependencyError("figures need matplotlib, which is not installed; pip install 'dacore[figures]'")
