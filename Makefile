@@ -6,7 +6,7 @@ PYTHON     ?= $(shell for p in $(CANDIDATES); do $$p -c '$(USABLE)' >/dev/null 2
 
 VENV    := .venv
 BIN     := $(VENV)/bin
-PIP     := $(BIN)/python -m pip --quiet --disable-pip-version-check
+PIP     := $(BIN)/python -m pip -qq --disable-pip-version-check
 PROJECT := pyproject.toml plugins/dacore-skfem/pyproject.toml plugins/dacore-biot/pyproject.toml \
            plugins/dacore-imaging/pyproject.toml
 PLUGINS := $(foreach file,$(filter plugins/%,$(PROJECT)),-e $(patsubst %/pyproject.toml,./%,$(file)))

@@ -107,11 +107,9 @@ def _build(cls: type[T], table: Any, base: Path | None) -> T:
         if key not in known:
             raise _TableError(_key(key), _unknown(str(key), list(known)))
     adapters = _adapters(cls, settings, base)
-    values = {}
+    values = {name: _validate(name, adapters[name], table[name]) for name in known if name in table}
     for name, field in known.items():
-        if name in table:
-            values[name] = _validate(name, adapters[name], table[name])
-        elif field.default is MISSING and field.default_factory is MISSING:
+        if name not in values and field.default is MISSING and field.default_factory is MISSING:
             raise _TableError(name, f"missing; expected {_what_fits(adapters[name])}")
     try:
         return cls(**values)
