@@ -46,11 +46,25 @@ def dihedral_angles(points: Array, cells: IntArray) -> Array:
     -------
     (c, d (d + 1) / 2) array [degrees]
     """
-    normals = barycentric_gradients(points, cells)[0]
-    normals = normals / np.linalg.norm(normals, axis=2, keepdims=True)
-    first, second = np.triu_indices(cells.shape[1], k=1)
+    return np.abs(signed_angles(points[cells]))
+
+
+def signed_angles(corners: Array) -> Array:
+    """Angles between the facets of simplices given by their corners (c, d + 1, d).
+
+    Returns
+    -------
+    (c, d (d + 1) / 2) array [degrees]
+        Negative for inverted and zero for flat simplices.
+    """
+    count, n = corners.shape[:2]
+    flat, cells = corners.reshape(-1, corners.shape[2]), np.arange(count * n).reshape(count, n)
+    normals, volumes = barycentric_gradients(flat, cells)
+    length = np.linalg.norm(normals, axis=2, keepdims=True)
+    normals = normals / np.where(length > 0.0, length, 1.0)
+    first, second = np.triu_indices(n, k=1)
     cosine = -np.einsum("cki,cki->ck", normals[:, first], normals[:, second])
-    return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return np.asarray(np.sign(volumes)[:, None] * np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
 def boundary_components(facets: IntArray) -> IntArray:

@@ -11,9 +11,11 @@ from collections.abc import Callable
 import numpy as np
 
 from dacore.core.arrays import Array, BoolArray, IntArray
+from dacore.core.mesh import exterior_facets
 from dacore.errors import MeshError
 from dacore.geometry.lattice import LevelSet, lattice_tetrahedra, octree, oriented
-from dacore.geometry.quality import Quality, measure
+from dacore.geometry.polish import polish
+from dacore.geometry.quality import Quality, check_manifold, measure
 from dacore.geometry.stencils import cut_cells
 
 # Fractions of an edge within which a cut point pulls a lattice point onto the surface. The paper
@@ -32,7 +34,7 @@ def stuff(
     *,
     floor: bool = False,
     smallest_angle: float = 10.0,
-    attempts: int = 12,
+    attempts: int = 24,
     accept: Callable[[Quality], str] | None = None,
 ) -> tuple[Array, IntArray]:
     """Fill the region where a level set is negative with tetrahedra.
@@ -78,6 +80,8 @@ def stuff(
         tree = octree(origin, edge, (shape[0], shape[1], shape[2]), sizing)
         try:
             points, cells = _fill(level_set, *lattice_tetrahedra(tree, level_set), origin[2])
+            check_manifold(exterior_facets(cells))
+            points = polish(level_set, points, cells, floor & (points[:, 2] == origin[2]))
             found = measure(points, cells)
         except MeshError as error:
             reasons[str(error)] = None

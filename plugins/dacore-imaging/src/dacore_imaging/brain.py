@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
+
 from dacore.core.arrays import Array
 from dacore.core.domain import Domain
 from dacore.core.mesh import Mesh, exterior_facets
@@ -11,14 +12,13 @@ from dacore.errors import MeshError
 from dacore.geometry.quality import Quality, boundary_components, check_quality, enclosed_volume
 from dacore.geometry.sampled import SampledLevelSet
 from dacore.geometry.stuffing import stuff
-
 from dacore_imaging.template import outlines
 
 LENGTH = 16.86
 """Extent [cm] from back to front: the paper's L."""
 _CUT = -70.0
 """Height [mm] of the planar cut through the brainstem in the template."""
-_EDGES = {"5k": 1.05, "33k": 0.5125, "100k": 0.34}
+_EDGES = {"5k": 1.06, "33k": 0.5075, "100k": 0.336}
 _TISSUE, _CAVITY = 1478.0, 17.2
 """Volumes [cm³] of the limit of fine meshes."""
 
@@ -37,7 +37,7 @@ class Brain(Domain):
     nodes : {"5k", "33k", "100k"}
         Size of the mesh: about 5,000, 33,000 or 100,000 nodes.
     edge : float, optional [cm]
-        Edge of the background lattice instead of `nodes` (1.05, 0.5125 and 0.34 for the three
+        Edge of the background lattice instead of `nodes` (1.06, 0.5075 and 0.336 for the three
         sizes); half of it at the ventricles and at the neck.
     neck_height : float [cm]
         Up to where the outer surface is held. 1 cm holds about 21 cm². The cut alone (1.2 cm²)
@@ -65,7 +65,7 @@ class Brain(Domain):
 
     def mesh(self) -> Mesh:
         """Mesh the template [cm]; MeshError if the result fails its checks."""
-        edge = _EDGES[self.nodes] if self.edge is None else self.edge
+        edge = _EDGES[self.nodes] if self.edge is None else float(self.edge)
         envelope, ventricles = _placed_outlines()
 
         def level_set(points: Array) -> Array:

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
 from dacore.core.arrays import Array, BoolArray
 from dacore.errors import MeshError, MissingDependencyError
 from dacore.geometry.sampled import SampledLevelSet, smooth_distance
-from numpy.typing import NDArray
-from scipy import ndimage
 
 _PAD = 10
 """Envelope voxels added on each side, so that nothing touches the edge of the grid."""
@@ -100,7 +101,7 @@ def _envelope(tissue: NDArray[np.float32], origin: Array) -> SampledLevelSet:
     first = origin + 0.5 - 2.0 * _PAD
     brain = ndimage.binary_fill_holes(_closed(brain, 2.5))
     brain = _largest(_dilated(_eroded(brain, 1.5), 1.5))
-    section = int(round((_STEM_SECTION - first[2]) / 2.0))
+    section = round((_STEM_SECTION - first[2]) / 2.0)
     brain[:, :, :section] = brain[:, :, section, None]
     return SampledLevelSet(2.0 * smooth_distance(brain, 1.25), first, 2.0)
 
