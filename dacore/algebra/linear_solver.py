@@ -1,0 +1,177 @@
+"""What every linear solver promises: one matrix, many right-hand sides, the true residual checked."""
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from dacore.algebra.elimination import canonical
+from dacore.core.arrays import Array, BoolArray, Sparse
+from dacore.errors import ConvergenceError, ShapeError
+
+_MOST_ROUNDS = 12
+_HISTORY = 16  # solutions kept; over the 40 steps of a cycle more of them gained nothing
+
+
+class LinearSolver(ABC):
+    """Solves A x = b for one symmetric quasi-definite matrix and many right-hand sides.
+
+    The system is scaled to unit diagonal, D A D with D = |diag A|^(−1/2), and residuals are measured
+    there: every column satisfies ‖D(b − A x)‖ ≤ tolerance · ‖D b‖. Equations in different units then
+    count alike; the plain norm of a displacement–pressure system sees the momentum balance only.
+
+    A solver remembers the span of its last few solutions and starts from the best point in it, which
+    matters in time stepping. That is acceleration only: results meet the tolerance in any order of
+    calls, but agree between orders no better than that. A solver is not safe to share between threads.
+
+    Parameters
+    ----------
+    matrix : (n, n) csr_array
+        [[A, Bᵀ], [B, −C]] with A and C positive definite, rows in any order.
+    definite : (n,) bool array
+        True on the rows of A; all True for a positive definite matrix.
+    tolerance : float
+        Bound on the relative residual.
+
+    Raises
+    ------
+    ShapeError
+        If the shapes, the tolerance, or the signs on the diagonal are not as stated.
+    """
+
+    def __init__(self, matrix: Sparse, definite: BoolArray, tolerance: float) -> None:
+        n = matrix.shape[0]
+        if n == 0 or matrix.shape != (n, n) or definite.shape != (n,):
+            raise ShapeError(
+                f"linear system: got a matrix of shape {matrix.shape} and {definite.shape} flags, expected (n, n) and (n,)"
+            )
+        if not 0.0 < tolerance < 1.0:
+            raise ShapeError(f"linear system: got the tolerance {tolerance}, expected a number between 0 and 1")
+        diagonal = matrix.diagonal()
+        wrong = int((~(np.where(definite, diagonal, -diagonal) > 0.0)).sum())
+        if wrong:
+            raise ShapeError(
+                f"linear system: {wrong} of {n} diagonal entries are not positive where definite and negative elsewhere; "
+                "check boundary conditions, parameters and the signs of rows"
+            )
+        matrix = canonical(matrix)
+        self._scale: Array = 1.0 / np.sqrt(np.abs(diagonal))
+        data = matrix.data * self._scale[matrix.indices] * np.repeat(self._scale, np.diff(matrix.indptr))
+        if not np.isfinite(data).all():
+            raise ShapeError("linear system: the matrix holds NaN, infinite or hopelessly scaled entries")
+        self._matrix: Sparse = csr_array((data, matrix.indices, matrix.indptr), shape=(n, n))
+        self._tolerance = tolerance
+        # Pairs (direction, image) with orthonormal images, oldest first, one a row.
+        self._directions: Array = np.empty((0, n))
+        self._images: Array = np.empty((0, n))
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """The method, for messages."""
+
+    @abstractmethod
+    def _correct(self, residual: Array, goal: Array) -> Array:
+        """Approximate solution (n, k) of the scaled system for a residual (n, k).
+
+        A method that iterates stops when the norm of each column's residual is below `goal` (k,).
+        """
+
+    def _strengthen(self) -> bool:
+        """Turn to a more accurate method; False if there is none."""
+        return False
+
+    def solve(self, rhs: Array, guess: Array | None = None) -> Array:
+        """Solve for every column of `rhs`.
+
+        Parameters
+        ----------
+        rhs : (n,) or (n, k) array
+        guess : array of the shape of `rhs`, optional
+            Where to start; zero by default.
+
+        Returns
+        -------
+        array of the shape of `rhs`
+
+        Raises
+        ------
+        ConvergenceError
+            If a column does not reach the tolerance.
+        ShapeError
+            If a shape is wrong or a value is not finite.
+        """
+        n = len(self._scale)
+        if rhs.ndim not in (1, 2) or rhs.shape[0] != n or (guess is not None and guess.shape != rhs.shape):
+            given = "none" if guess is None else guess.shape
+            raise ShapeError(
+                f"linear system: got a right-hand side {rhs.shape} and a guess {given}, expected ({n},) or ({n}, k)"
+            )
+        scale = self._scale[:, None]
+        load = rhs.reshape(n, -1) * scale
+        size = np.linalg.norm(load, axis=0)
+        if not np.isfinite(size).all():
+            raise ShapeError("linear system: the right-hand side holds NaN or infinite values")
+        solution = np.zeros_like(load)
+        if guess is not None and np.isfinite(guess).all():
+            solution = guess.reshape(n, -1) / scale
+        solution[:, size == 0.0] = 0.0
+        solution = self._improve(load, solution, self._tolerance * size)
+        return np.asarray((solution * scale).reshape(rhs.shape))
+
+    def _improve(self, load: Array, solution: Array, goal: Array) -> Array:
+        """Correct a solution until the residual meets the goal."""
+        residual = load - self._matrix @ solution
+        self._recall(solution, residual)
+        reached = np.linalg.norm(residual, axis=0)
+        for _ in range(_MOST_ROUNDS):
+            open_ = np.flatnonzero(reached > goal)
+            if not len(open_):
+                break
+            trial = solution[:, open_] + self._correct(residual[:, open_], goal[open_])
+            left = load[:, open_] - self._matrix @ trial
+            norms = np.linalg.norm(left, axis=0)
+            better = norms < reached[open_]  # False for NaN
+            chosen = open_[better]
+            solution[:, chosen], residual[:, chosen] = trial[:, better], left[:, better]
+            stuck = ~((norms <= goal[open_]) | (norms < 0.5 * reached[open_]))
+            reached[chosen] = norms[better]
+            if stuck.any() and not self._strengthen():
+                break
+        if (reached > goal).any():
+            worst = int(np.argmax(reached - goal))
+            size = goal[worst] / self._tolerance
+            raise ConvergenceError(
+                f"{self.name}: the relative residual of column {worst} is {reached[worst] / size:.1e}, wanted "
+                f"{self._tolerance:.1e}; {self._advice()}"
+            )
+        for column in range(load.shape[1]):
+            self._remember(solution[:, column], load[:, column] - residual[:, column])
+        return solution
+
+    def _advice(self) -> str:
+        return "check that the matrix is nonsingular, or ask for a larger tolerance"
+
+    def _recall(self, solution: Array, residual: Array) -> None:
+        """Move to the point of least residual in the span of the remembered solutions, in place."""
+        if len(self._images):
+            weights = self._images @ residual
+            solution += self._directions.T @ weights
+            residual -= self._images.T @ weights
+
+    def _remember(self, solution: Array, image: Array) -> None:
+        """Add a solution and its image to the remembered span, dropping the oldest of a full one."""
+        size = np.linalg.norm(image)
+        if not size:
+            return
+        direction, image = solution / size, image / size
+        for _ in range(2):
+            weights = self._images @ image
+            direction = direction - self._directions.T @ weights
+            image = image - self._images.T @ weights
+        left = np.linalg.norm(image)
+        # Below this the new part of the image is the error of the solver, not a new direction.
+        if left > 10.0 * self._tolerance:
+            keep = slice(-(_HISTORY - 1), None)
+            self._directions = np.vstack([self._directions[keep], direction / left])
+            self._images = np.vstack([self._images[keep], image / left])

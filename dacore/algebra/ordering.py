@@ -1,0 +1,210 @@
+"""Nested dissection of a graph: a tree of small parts and the thin separators between them.
+
+George, *Nested dissection of a regular finite element mesh*, SIAM J. Numer. Anal. 10 (1973). A part is
+cut along the median of a smoothed graph distance, which approximates the slowest vibration of the
+graph; the separator is a smallest set of vertices that covers the cut edges (König's theorem). No
+coordinates are needed.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array, csr_matrix
+from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_bipartite_matching
+
+from dacore.core.arrays import Array, BoolArray, IntArray, Sparse
+
+_SMOOTHING_SWEEPS = 50
+_QUANTILES = (0.45, 0.5, 0.55)
+
+
+@dataclass(frozen=True, eq=False)
+class Dissection:
+    """Parts of a graph in postorder: eliminating one touches only its descendants and ancestors.
+
+    Parameters
+    ----------
+    parts : tuple of (s,) int arrays
+        Disjoint sets of vertices; every vertex is in one.
+    parents : (len(parts),) int array
+        The separator above each part, −1 for a root. A parent comes after its children.
+    """
+
+    parts: tuple[IntArray, ...]
+    parents: IntArray
+
+
+def quotient(matrix: Sparse) -> tuple[IntArray, IntArray, csr_matrix]:
+    """Merge rows with the same sparsity pattern, such as the components of a field at one node.
+
+    Parameters
+    ----------
+    matrix : (n, n) csr_array
+        Symmetric pattern; the diagonal counts as present.
+
+    Returns
+    -------
+    group : (n,) int array
+        The vertex each row belongs to.
+    weights : (v,) int array
+        Rows in each vertex.
+    graph : (v, v) csr_matrix
+        Ones where two different vertices are coupled.
+    """
+    n = matrix.shape[0]
+    # Two rows have the same pattern exactly when sums of pseudo-random tags over it agree; a false
+    # agreement (about n² 2^-64) would cost fill, not correctness.
+    tags = _tags(n)
+    rows = np.repeat(np.arange(n), np.diff(matrix.indptr))
+    sums = tags.copy()
+    off = rows != matrix.indices
+    np.add.at(sums, rows[off], tags[matrix.indices[off]])
+    _, group, weights = np.unique(sums, return_inverse=True, return_counts=True)
+    group = group.reshape(-1)
+    ones = np.ones(int(off.sum()), dtype=np.float64)
+    merged = csr_array((ones, (group[rows[off]], group[matrix.indices[off]])), shape=(len(weights),) * 2)
+    merged.setdiag(0.0)
+    merged.eliminate_zeros()
+    merged.data[:] = 1.0
+    return group.astype(np.int64), weights.astype(np.int64), csr_matrix(merged)
+
+
+def nested_dissection(graph: csr_matrix, weights: IntArray, leaf: int) -> Dissection:
+    """Cut a graph until no part weighs more than `leaf`.
+
+    Parameters
+    ----------
+    graph : (v, v) csr_matrix
+        Symmetric, ones off the diagonal, nothing on it.
+    weights : (v,) int array
+    leaf : int
+        Largest weight of a part that is not cut further.
+    """
+    parts: list[IntArray] = []
+    parents: list[int] = []
+
+    def emit(vertices: IntArray, children: list[int]) -> int:
+        parts.append(vertices)
+        parents.append(-1)
+        for child in children:
+            parents[child] = len(parts) - 1
+        return len(parts) - 1
+
+    def descend(local: csr_matrix, vertices: IntArray) -> list[int]:
+        if weights[vertices].sum() <= leaf or len(vertices) == 1:
+            return [emit(vertices, [])]
+        pieces = list(_components(local, weights[vertices], leaf))
+        if len(pieces) > 1:
+            return [root for piece in pieces for root in descend(_restrict(local, piece), vertices[piece])]
+        side, separator = _bisect(local, weights[vertices])
+        halves = [np.flatnonzero(half & ~separator) for half in (side, ~side)]
+        below = [root for half in halves if len(half) for root in descend(_restrict(local, half), vertices[half])]
+        return [emit(vertices[separator], below)]
+
+    descend(graph, np.arange(graph.shape[0]))
+    return Dissection(tuple(parts), np.array(parents, dtype=np.int64))
+
+
+def _tags(n: int) -> Any:
+    """Fixed well-mixed 64-bit numbers (splitmix64) for 0..n−1."""
+    z = np.arange(1, n + 1, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+def _restrict(graph: csr_matrix, vertices: IntArray) -> csr_matrix:
+    return graph[vertices][:, vertices]
+
+
+def _components(graph: csr_matrix, weights: IntArray, leaf: int) -> Iterator[IntArray]:
+    """Connected components; those under `leaf` are gathered into batches of about that weight."""
+    count, label = connected_components(graph, directed=False)
+    heavy = np.bincount(label, weights=weights, minlength=count)
+    # A batch of light components gets one number, larger than that of any heavy component.
+    light = np.flatnonzero(heavy <= leaf)
+    batch = np.arange(count)
+    batch[light] = count + (np.cumsum(heavy[light]) // leaf).astype(np.int64)
+    of_vertex = batch[label]
+    order = np.argsort(of_vertex, kind="stable")
+    yield from np.split(order, np.flatnonzero(np.diff(of_vertex[order])) + 1)
+
+
+def _distance(graph: csr_matrix, root: int) -> tuple[IntArray, int]:
+    """Breadth-first distance of each vertex of a connected graph from `root`, and a farthest vertex."""
+    order, predecessor = breadth_first_order(graph, root, directed=False, return_predecessors=True)
+    position = np.empty(len(order), dtype=np.int64)
+    position[order] = np.arange(len(order))
+    above = position[predecessor[order[1:]]]  # never falls, so one level is one slice
+    depth = np.zeros(len(order), dtype=np.int64)
+    first, last, level = 0, 1, 0
+    while last < len(order):
+        level += 1
+        first, last = last, int(np.searchsorted(above, last - 1, side="right")) + 1
+        depth[first:last] = level
+    return depth[position], int(order[-1])
+
+
+def _directions(graph: csr_matrix) -> Array:
+    """Two smooth functions (v, 2) that vary along the two longest extents of a connected graph."""
+    _, far = _distance(graph, 0)
+    one, opposite = _distance(graph, far)
+    two, _ = _distance(graph, opposite)
+    three, aside = _distance(graph, int(np.argmax(np.minimum(one, two))))
+    four, _ = _distance(graph, aside)
+    functions = np.column_stack([one - two, three - four]).astype(np.float64)
+    degree = np.asarray(graph.sum(axis=1)).reshape(-1, 1)
+    for _ in range(_SMOOTHING_SWEEPS):
+        functions -= functions.mean(axis=0)
+        functions = 0.5 * (functions + (graph @ functions) / degree)
+    return functions
+
+
+def _bisect(graph: csr_matrix, weights: IntArray) -> tuple[BoolArray, BoolArray]:
+    """Side (True: first) and separator of the best of a few cuts of a connected graph of two or more vertices."""
+    n = graph.shape[0]
+    best, least = None, np.inf
+    for function in _directions(graph).T:
+        order = np.argsort(function, kind="stable")
+        share = np.cumsum(weights[order]) / weights.sum()
+        for quantile in _QUANTILES:
+            side = np.zeros(n, dtype=np.bool_)
+            side[order[: min(max(int(np.searchsorted(share, quantile)), 1), n - 1)]] = True
+            separator = _cover(graph, side)
+            first, second = (int(weights[half & ~separator].sum()) for half in (side, ~side))
+            balance = max(first, second) / max(min(first, second), 1)
+            score = float(weights[separator].sum()) * (0.5 + 0.5 * balance)
+            if score < least:
+                best, least = (side, separator), score
+    if best is None:  # unreachable: every score is finite
+        raise ValueError("no cut was tried")
+    return best
+
+
+def _cover(graph: csr_matrix, side: BoolArray) -> BoolArray:
+    """A smallest vertex cover of the edges between the two sides, from a largest matching (König)."""
+    edges = graph[side].tocoo()
+    cut = ~side[edges.col]
+    rows, row = np.unique(np.flatnonzero(side)[edges.row[cut]], return_inverse=True)
+    columns, column = np.unique(edges.col[cut], return_inverse=True)
+    forward = csr_matrix((np.ones(len(row)), (row, column)), shape=(len(rows), len(columns)))
+    backward = csr_matrix(forward.T)
+    mate = maximum_bipartite_matching(forward, perm_type="column")
+    mate_of_column = np.full(len(columns), -1)
+    mate_of_column[mate[mate >= 0]] = np.flatnonzero(mate >= 0)
+    reached_rows, reached_columns = mate < 0, np.zeros(len(columns), dtype=np.bool_)
+    front = reached_rows.copy()
+    while front.any():
+        new = (backward @ front.astype(np.float64) > 0) & ~reached_columns
+        reached_columns |= new
+        mates = mate_of_column[new]
+        front = np.zeros(len(rows), dtype=np.bool_)
+        front[mates[mates >= 0]] = True
+        front &= ~reached_rows
+        reached_rows |= front
+    cover = np.zeros(graph.shape[0], dtype=np.bool_)
+    cover[rows[~reached_rows]] = True
+    cover[columns[reached_columns]] = True
+    return cover
