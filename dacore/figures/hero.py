@@ -72,8 +72,8 @@ def hero(measured: Measured, hidden: Hidden, caption: str = "") -> Figure:
     if seen.colours == DIVERGING:
         # Another pair of hues than the hidden field's, for another quantity.
         seen = replace(seen, colours="PuOr_r")
-    pixels(left, measured.view, measured.centres[near], measured.spacing, measured.values[near], seen)
     outline(left, measured.view)
+    pixels(left, measured.view, measured.centres[near], measured.spacing, measured.values[near], seen)
     bar(figure, [left], seen, seen.label(measured.name, measured.unit), location="left", pad=0.02)
     left.set_title("measured")
 

@@ -17,7 +17,7 @@ from dacore.core.arrays import Array, IntArray
 P = ParamSpec("P")
 
 # One or two letters, an underscore, letters or digits: a name with a subscript, not a word_with_underscores.
-_NAME = re.compile(r"(?<![\w.$])([^\W\d_]{1,2}\u0302?)_([A-Za-z0-9]+)(?![\w.])")
+_NAME = re.compile(r"(?<![\w.$])([^\W\d_]{1,2}\u0302?)_([A-Za-z0-9]+)(?!\w|\.\w)")
 
 WIDTH = 9.0
 """Width [in] of a figure in a report."""
@@ -144,19 +144,19 @@ def family(axes: Axes, x: Array | IntArray, values: Array, index: int, label: st
     if axes.get_yscale() == "log":
         curves[~(curves > 0)] = np.nan
     shown = np.isfinite(curves).any(axis=0)
-    x, curves = np.asarray(x)[shown], curves[:, shown]
+    places, curves = np.asarray(x, dtype=np.float64)[shown], curves[:, shown]
     if len(curves) > 1:
         axes.fill_between(
-            x, np.nanmin(curves, axis=0), np.nanmax(curves, axis=0), color=colour(index), alpha=0.18, linewidth=0
+            places, np.nanmin(curves, axis=0), np.nanmax(curves, axis=0), color=colour(index), alpha=0.18, linewidth=0
         )
-    every = max(1, len(x) // 12)
+    every = max(1, len(places) // 12)
     style: dict[str, Any] = {
         "color": colour(index),
         "marker": marker(index),
         "markevery": (index % every, every),
         "markersize": 4.0,
     }
-    axes.plot(x, np.nanmedian(curves, axis=0), label=pretty(label), **(style | options))
+    axes.plot(places, np.nanmedian(curves, axis=0), label=pretty(label), **(style | options))
 
 
 def log_axis(axes: Axes, which: str = "y", plain: bool = False) -> None:

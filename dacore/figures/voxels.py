@@ -74,8 +74,8 @@ def measured_slice(
         shared = scale(first, signed=True if np.any(kinds[which]) else None)
         for place, (label, data) in enumerate(values.items()):
             axes = grid[place, column]
-            pixels(axes, view, centres[mine], spacing, np.asarray(data)[mine], shared)
             outline(axes, view)
+            pixels(axes, view, centres[mine], spacing, np.asarray(data)[mine], shared)
             dress(axes, view, left=column == 0, bottom=place == len(values) - 1)
             if place == 0:
                 axes.set_title(f"{pretty(component)}")
@@ -104,7 +104,10 @@ def on_slice(view: View, centres: Array, spacing: Sequence[float]) -> BoolArray:
 def pixels(
     axes: Axes, view: View, centres: Array, spacing: Sequence[float], values: Array, colours: Scale
 ) -> None:  # fmt: skip
-    """Draw values (m,) as rectangles of the voxels' size at their centres (m, d); NaN is grey."""
+    """Draw values (m,) as rectangles of the voxels' size at their centres (m, d); NaN is grey.
+
+    Call it after `outline`: voxels that reach past the domain widen the view.
+    """
     first, second = view.cut.axes
     known = np.isfinite(values)
     half = 0.5 * np.array([spacing[first], spacing[second]])
@@ -120,6 +123,9 @@ def pixels(
     axes.add_collection(squares)
     missing = centres[~known][:, None, [first, second]] + corners
     axes.add_collection(PolyCollection(list(missing), facecolors=_MISSING, edgecolors="white", linewidths=0.35))
+    low = np.minimum((centres[:, [first, second]] - 1.05 * half).min(axis=0), [axes.get_xlim()[0], axes.get_ylim()[0]])
+    high = np.maximum((centres[:, [first, second]] + 1.05 * half).max(axis=0), [axes.get_xlim()[1], axes.get_ylim()[1]])
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
 
 
 def component_name(name: str, direction: Array, axes: Sequence[str]) -> str:
