@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.sparse import block_diag, csr_array
 
 from dacore.algebra.pod import pod
-from dacore.core.arrays import Array, Sparse
+from dacore.core.arrays import Array
 from dacore.core.background import Background
 from dacore.core.parameters import ParameterSpace
 from dacore.core.space import Product, StateSpace
@@ -44,7 +43,7 @@ def compress(
     for field in space.fields:
         block = space.layout.block(field.name)
         data = np.concatenate([trajectory[block] for trajectory in trajectories], axis=1)
-        basis = pod(data, _field_product(space, field.name, kind), tolerance)
+        basis = pod(data, space.field_product(field.name, kind), tolerance)
         coefficients = basis.project(data)
         total = float(np.einsum("ij,ij->", data, basis.product @ data))
         reached[field.name] = float(np.sqrt(max(1.0 - (coefficients**2).sum() / total, 0.0)))
@@ -52,7 +51,3 @@ def compress(
         parts.append(coefficients.reshape(basis.dimension, len(trajectories), -1).swapaxes(1, 2))
     return Background(space, bases, np.concatenate(parts), times, parameters, samples, kind, reached)
 
-
-def _field_product(space: StateSpace, name: str, kind: Product) -> Sparse:
-    scalar = space.scalar_product(name, kind)
-    return csr_array(block_diag([scalar] * space.layout.field(name).components, format="csr"))

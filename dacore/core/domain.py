@@ -11,3 +11,7 @@ class Domain(ABC):
     @abstractmethod
     def mesh(self) -> Mesh:
         """Make the mesh [cm]. The same settings give the same mesh, bit for bit."""
+
+    def fingerprint(self) -> str:
+        """What the mesh depends on besides the settings, such as a hash of a file's content."""
+        return ""

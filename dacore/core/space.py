@@ -110,6 +110,11 @@ class StateSpace(ABC):
         data = np.tile(block.data, len(starts))
         return csr_array((data, (rows, cols)), shape=(len(starts) * scalar.shape[0], self.n_dofs))
 
+    def field_product(self, field: str, kind: Product = "l2") -> Sparse:
+        """Inner product (n_field, n_field) of all components of `field`."""
+        blocks = [self.scalar_product(field, kind)] * self.layout.field(field).components
+        return csr_array(block_diag(blocks, format="csr"))
+
     def inner_product(self, weights: Mapping[str, float], kind: Product = "l2") -> Sparse:
         """Weighted inner product Σ_f weights[f] ⟨·,·⟩_f.
 
@@ -128,5 +133,5 @@ class StateSpace(ABC):
             weight = weights.get(field.name, 0.0)
             if not weight > 0:
                 raise ShapeError(f"weight of field {field.name}: got {weight}, expected a positive number")
-            blocks += [weight * self.scalar_product(field.name, kind)] * field.components
+            blocks.append(weight * self.field_product(field.name, kind))
         return csr_array(block_diag(blocks, format="csr"))

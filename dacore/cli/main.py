@@ -1,0 +1,99 @@
+"""The command line: parse, call, print. Heavy modules are imported by the commands that need them."""
+
+import logging
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from dacore import __version__
+from dacore.errors import DacoreError, MissingDependencyError, SceneError
+
+app = typer.Typer(
+    name="dacore",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="From a few measurements of a physical system to its whole state, with honest uncertainty.",
+)
+
+SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="a scene in TOML, see examples/")]
+Changes = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change a key of the scene")]
+Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="where results go [runs/NAME]")]
+Cache = Annotated[Path | None, typer.Option("--cache", metavar="DIR", help="where stages are kept [OUT/cache]")]
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"dacore {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    debug: Annotated[bool, typer.Option("--debug", help="show the traceback of an error")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="print the version and leave")
+    ] = False,
+) -> None:
+    logging.basicConfig(level=logging.ERROR, format="%(levelname)s: %(message)s")
+    logging.getLogger("dacore").setLevel(logging.DEBUG if debug else logging.WARNING)
+
+
+@app.command()
+def run(
+    scene: SceneFile,
+    out: Out = None,
+    cache: Cache = None,
+    changes: Changes = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", metavar="N", min=1, help="processes for solving [all cores]")
+    ] = None,
+) -> None:
+    """Run a scene: results.json, figures, fields for ParaView and report.html."""
+    from dacore.cli.progress import RichBoard
+    from dacore.workflow.run import run_scene
+
+    with RichBoard() as board:
+        finished = run_scene(scene, changes or [], _out(scene, out), cache, workers, board)
+    board.summary(finished)
+
+
+@app.command()
+def plan(scene: SceneFile, out: Out = None, cache: Cache = None, changes: Changes = None) -> None:
+    """Say which stages would run, which are kept, which are skipped, and why."""
+    from dacore.cli.progress import print_plan
+    from dacore.workflow.run import plan_scene
+
+    print_plan(plan_scene(scene, changes or [], _out(scene, out), cache))
+
+
+@app.command()
+def plugins() -> None:
+    """List what is installed, what failed and why, what is missing and how to install it."""
+    from dacore.cli.progress import print_plugins
+    from dacore.plugins.registry import load
+
+    print_plugins(load().table())
+
+
+def _out(scene: Path, out: Path | None) -> Path:
+    return out if out is not None else Path("runs") / scene.stem
+
+
+def main(arguments: list[str] | None = None) -> Any:
+    """Run the command line; exit code 2 for a bad scene or command, 1 for another failure."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    try:
+        app(args=arguments, standalone_mode=True)
+    except DacoreError as error:
+        if "--debug" in arguments:
+            raise
+        typer.echo(f"error: {' '.join(str(error).split())}", err=True)
+        sys.exit(2 if isinstance(error, SceneError | MissingDependencyError) else 1)
+    except KeyboardInterrupt:
+        typer.echo("interrupted; what was finished is kept, run again to go on", err=True)
+        sys.exit(130)

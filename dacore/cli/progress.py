@@ -1,0 +1,104 @@
+"""What the command line draws: progress bars, the plan, the plugins, the end of a run."""
+
+import time
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from dacore.pipeline.runner import PlannedStage
+from dacore.plugins.registry import Row
+from dacore.workflow.run import Finished
+from dacore.workflow.stages import ProgressBoard
+
+STATUS_STYLE = {"run": "bold", "resume": "bold", "cached": "green", "skipped": "dim"}
+
+
+class RichBoard(ProgressBoard):
+    """Progress bars on a terminal, plain lines elsewhere."""
+
+    def __init__(self) -> None:
+        self.console = Console()
+        self.bars = Progress(
+            TextColumn("  {task.description:<16}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+            TextColumn("left"), TimeRemainingColumn(), console=self.console, transient=True,
+        )  # fmt: skip
+        self._started: dict[str, float] = {}
+
+    def __enter__(self) -> Self:
+        self.bars.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.bars.stop()
+
+    def meter(self, title: str) -> "_Meter":
+        """Draw a bar for one piece of work."""
+        return _Meter(self.bars, self.bars.add_task(title, total=None))
+
+    def stage(self, name: str, event: str) -> None:
+        """Say that a stage was read from the cache or is done."""
+        if event == "start":
+            self._started[name] = time.perf_counter()
+        elif event == "cached":
+            self.bars.print(f"  [green]kept[/]  {name}", highlight=False)
+        else:
+            seconds = time.perf_counter() - self._started[name]
+            self.bars.print(f"  [bold]done[/]  {name:<22}{seconds:8.1f} s", highlight=False)
+
+    def summary(self, finished: Finished) -> None:
+        """Print the errors and where the results are."""
+        for table in finished.tables:
+            shown = Table(title=table.title, title_justify="left", title_style="bold", caption=table.note or None)
+            for k, header in enumerate(table.headers):
+                shown.add_column(header, justify="left" if k == 0 else "right", overflow="fold")
+            for row in table.rows:
+                shown.add_row(*row)
+            self.console.print(shown)
+        for path in finished.files:
+            self.console.print(f"  {path}", highlight=False, soft_wrap=True)
+
+
+class _Meter:
+    """A callback that moves one bar."""
+
+    def __init__(self, bars: Progress, task: TaskID) -> None:
+        self.bars, self.task = bars, task
+
+    def __call__(self, done: int, total: int) -> None:
+        self.bars.update(self.task, completed=done, total=total, visible=done < total)
+
+
+def print_plan(rows: Sequence[PlannedStage]) -> None:
+    """Print a plan as a table."""
+    table = Table(title="plan", title_justify="left")
+    for header in ("stage", "", "why", "what"):
+        table.add_column(header)
+    for row in rows:
+        table.add_row(row.name, f"[{STATUS_STYLE[row.status]}]{row.status}[/]", row.why, row.purpose)
+    Console().print(table)
+
+
+def print_plugins(rows: Sequence[Row]) -> None:
+    """Print installed plugins as a table."""
+    table = Table(title="plugins", title_justify="left")
+    for header in ("kind", "name", "status", "from", "what"):
+        table.add_column(header, overflow="fold")
+    for row in rows:
+        ready = row.status == "ready"
+        status = "[green]ready[/]" if ready else f"[red]{row.status}[/]" + (f"\n{row.install}" if row.install else "")
+        table.add_row(row.kind, row.name, status, f"{row.distribution} {row.version}", row.summary)
+    Console().print(table)

@@ -1,0 +1,277 @@
+"""Scene files: TOML in, validated values out. Numbers, names and tables only; nothing is evaluated.
+
+The tables with a ``kind`` (domain, physics, observation, quantity, estimator) belong to plugins:
+here they are read as they stand, and the plugin's own settings class checks them when it is used.
+"""
+
+import difflib
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from dacore.errors import SceneError
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
+
+
+class Table(BaseModel):
+    """A table with fixed keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class PluginTable(BaseModel):
+    """A table whose keys a plugin knows; ``kind`` names the plugin."""
+
+    model_config = ConfigDict(extra="allow", frozen=True, strict=True)
+
+    kind: str
+    title: str = ""
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The plugin's own keys."""
+        return dict(self.model_extra or {})
+
+
+class Discretization(Table):
+    """``[discretization]``: which finite element library."""
+
+    backend: str = "skfem"
+
+
+class Time(Table):
+    """``[time]``: the recorded steps [s], the scheme and the start."""
+
+    step: Positive = 5e-4
+    steps: Annotated[int, Field(ge=1)] = 40
+    spin_up: Annotated[int, Field(ge=0)] = 0
+    start: Literal["zero", "steady"] = "zero"
+    beta: float = 0.5
+    gamma: float = 1.0
+    first_order: Literal["backward_euler", "newmark"] = "backward_euler"
+    solver: Literal["auto", "direct", "krylov"] = "auto"
+    tolerance: Annotated[float, Field(gt=0, lt=1e-2)] = 1e-10
+
+
+class Range(Table):
+    """A parameter's range, a fixed value, or both in a unit of one's own."""
+
+    low: float
+    high: float
+    unit: str | None = None
+
+
+class Training(Table):
+    """``[training]``: how many trajectories, drawn how, compressed how far."""
+
+    samples: Annotated[int, Field(ge=2)] = 64
+    sampling: Literal["uniform", "latin_hypercube", "sobol"] = "uniform"
+    seed: Annotated[int, Field(ge=0)] = 1
+    tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-7
+    product: Literal["l2", "h1"] = "l2"
+
+
+class Noise(Table):
+    """``[noise]``: levels Ξ; σ = Ξ · max |ℓ_i(u(t))| of each test case (METHOD: noise)."""
+
+    levels: Annotated[list[Annotated[float, Field(ge=0, lt=10)]], Field(min_length=1)] = [0.0]
+    seed: Annotated[int, Field(ge=0)] = 3
+
+    @field_validator("levels")
+    @classmethod
+    def _distinct(cls, levels: list[float]) -> list[float]:
+        if len(set(levels)) != len(levels):
+            raise ValueError("expected each level once")
+        return levels
+
+
+class Contrast(Table):
+    """An error of a field less a constant that would flatter it: {field = "p", minus = "p_csf"}."""
+
+    field: str
+    minus: str
+
+
+class Validation(Table):
+    """``[validation]``: unseen cases and what is measured on them."""
+
+    cases: Annotated[int, Field(ge=1)] = 18
+    seed: Annotated[int, Field(ge=0)] = 2
+    contrasts: list[Contrast] = []
+    refine_time: Annotated[int, Field(ge=0, le=64)] = 0
+
+
+class Views(Table):
+    """``[report]``: where the pictures are cut [cm] and when [s]."""
+
+    plane: Literal["x", "y", "z"] = "x"
+    position: float | None = None
+    measured_time: Positive | None = None
+    worst_time: Positive | None = None
+
+
+class Scene(Table):
+    """A whole scene.
+
+    Attributes
+    ----------
+    title : str
+    domain, physics : PluginTable
+    discretization, time, training, noise, validation, report : Table
+    parameters : mapping of str to Range
+        Ranges that replace the model's own.
+    observation, quantity, estimator : mapping of str to PluginTable
+        By a name of your choice.
+    """
+
+    title: str
+    domain: PluginTable
+    physics: PluginTable
+    discretization: Discretization = Discretization()
+    parameters: Mapping[str, Range] = {}
+    time: Time = Time()
+    training: Training = Training()
+    observation: Annotated[Mapping[Name, PluginTable], Field(min_length=1)]
+    quantity: Mapping[Name, PluginTable] = {}
+    noise: Noise = Noise()
+    estimator: Annotated[Mapping[Name, PluginTable], Field(min_length=1)]
+    validation: Validation = Validation()
+    report: Views = Views()
+
+    @field_validator("parameters", mode="before")
+    @classmethod
+    def _ranges(cls, table: Any) -> Any:
+        """Accept ``E = 5e5`` and ``E = [1e5, 1e6]`` besides ``E = {low, high, unit}``."""
+        if not isinstance(table, Mapping):
+            return table
+        out: dict[str, Any] = {}
+        for name, value in table.items():
+            if isinstance(value, bool):
+                raise ValueError(f"{name}: got {value}, expected a number, [low, high] or {{low, high, unit}}")
+            if isinstance(value, int | float):
+                out[name] = {"low": value, "high": value}
+            elif isinstance(value, Sequence) and not isinstance(value, str):
+                if len(value) != 2:
+                    raise ValueError(f"{name}: got {len(value)} values, expected [low, high]")
+                out[name] = {"low": value[0], "high": value[1]}
+            else:
+                out[name] = value
+        return out
+
+
+def read_scene(path: Path, changes: Sequence[str] = ()) -> Scene:
+    """Read and check a scene.
+
+    Parameters
+    ----------
+    path : Path
+    changes : sequence of str
+        ``"training.samples=16"``: keys set to TOML values before checking.
+
+    Raises
+    ------
+    SceneError
+        Names the file, the key, what was given and what is allowed.
+    """
+    return validate(read_table(path, changes), str(path))
+
+
+def read_table(path: Path, changes: Sequence[str] = ()) -> dict[str, Any]:
+    """Read a scene's TOML with changes applied, unchecked."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise SceneError(f"{path}: no such file; expected a scene in TOML, see examples/") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError(f"{path}: cannot be read ({error}); expected a scene in TOML") from error
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError(f"{path}: not valid TOML: {error}") from error
+    for change in changes:
+        _apply(table, change)
+    return table
+
+
+def validate(table: Mapping[str, Any], where: str = "scene") -> Scene:
+    """Check a table and return the scene."""
+    try:
+        return Scene.model_validate(table)
+    except ValidationError as error:
+        raise SceneError(f"{where}: " + "; ".join(_explain(item) for item in error.errors()[:4])) from error
+
+
+def _apply(table: dict[str, Any], change: str) -> None:
+    key, equals, text = change.partition("=")
+    if not equals or not key.strip():
+        raise SceneError(f"--set {change}: expected key=value, for example training.samples=16")
+    try:
+        value = tomllib.loads(f"value = {text.strip()}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text.strip()
+    at: Any = table
+    *path, last = key.strip().split(".")
+    for part in path:
+        at = at.setdefault(part, {})
+        if not isinstance(at, dict):
+            raise SceneError(f"--set {change}: {part} is not a table")
+    at[last] = value
+
+
+def _explain(item: Any) -> str:
+    location = [str(part) for part in item["loc"]]
+    key = ".".join(location)
+    given = item.get("input")
+    if item["type"] == "extra_forbidden":
+        known = _known_keys(location[:-1])
+        close = difflib.get_close_matches(location[-1], known, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"allowed are {', '.join(known)}"
+        return f"{key}: unknown key; {hint}"
+    if item["type"] == "missing":
+        return f"{key}: missing; expected a value" if "." in key else f"[{key}]: missing; every scene needs it"
+    message = item["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
+    shown = "" if isinstance(given, Mapping | list) else f"got {given!r}, "
+    return f"{key}: {shown}{message}"
+
+
+def _known_keys(path: Sequence[str]) -> list[str]:
+    model: Any = Scene
+    for part in path:
+        field = model.model_fields.get(part) if isinstance(model, type) and issubclass(model, BaseModel) else None
+        model = field.annotation if field is not None else None
+    if isinstance(model, type) and issubclass(model, BaseModel):
+        return list(model.model_fields)
+    return list(Contrast.model_fields) if path and path[-1].isdigit() else list(Range.model_fields)
+
+
+def convert(value: Range, unit: str, where: str) -> tuple[float, float]:
+    """Express a range in the model's unit.
+
+    Raises
+    ------
+    SceneError
+        If the unit is unknown or measures something else.
+    """
+    if value.unit is None or value.unit == unit:
+        return value.low, value.high
+    try:
+        import pint
+    except ImportError as error:
+        raise SceneError(
+            f"{where}: got the unit {value.unit!r}, the model uses {unit!r}; converting needs pint: pip install pint"
+        ) from error
+    registry: Any = pint.UnitRegistry()
+    try:
+        factor = (
+            registry.Quantity(1.0, value.unit.replace("²", "^2").replace("³", "^3"))
+            .to(unit.replace("²", "^2"))
+            .magnitude
+        )
+    except (pint.errors.PintError, AttributeError) as error:
+        raise SceneError(f"{where}: got the unit {value.unit!r}, expected one that converts to {unit!r}") from error
+    return value.low * float(factor), value.high * float(factor)

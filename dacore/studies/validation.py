@@ -1,0 +1,296 @@
+"""Validation on unseen cases: the same data to every estimator, the same errors of each.
+
+Errors are relative norms for each field: at each step, and over the whole trajectory (ratio of
+space–time norms, which does not explode where the field is tiny). Beside every estimator stands
+the guess of the training mean. METHOD: noise, errors, biomarker.
+"""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dacore.core.arrays import Array
+from dacore.core.background import Background
+from dacore.core.estimator import Estimate, PreparedEstimator
+from dacore.core.model import Trajectory
+from dacore.core.observation import Functionals
+from dacore.core.quantity import QuantityOfInterest
+from dacore.core.space import Product, StateSpace
+from dacore.errors import ShapeError
+
+PRIOR = "prior"
+JOINT = "joint"
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """An error of a field relative to its distance from a constant: p − p_csf."""
+
+    label: str
+    field: str
+    constant: float
+
+
+@dataclass(frozen=True, eq=False)
+class QuantityOutcome:
+    """A quantity of interest over the cases.
+
+    Parameters
+    ----------
+    truth, estimate : (k,) array
+    deviation : (k,) array
+        Standard deviation the estimator claims; NaN where it claims none.
+    """
+
+    truth: Array
+    estimate: Array
+    deviation: Array
+
+    @property
+    def rms(self) -> float:
+        """Root mean square error."""
+        return float(np.sqrt(np.mean((self.estimate - self.truth) ** 2)))
+
+    @property
+    def worst(self) -> float:
+        """Largest absolute error."""
+        return float(np.abs(self.estimate - self.truth).max())
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """One estimator at one noise level.
+
+    Parameters
+    ----------
+    estimator : str
+        Name in the scene, or "prior" for the training mean.
+    noise : float
+        Level Ξ.
+    per_step : mapping of str to (t, k) array
+        Relative error of each field, contrast and the joint norm.
+    space_time : mapping of str to (k,) array
+        Ratio of space–time norms.
+    quantities : mapping of str to QuantityOutcome
+    estimate : Estimate or None
+    seconds : float
+        Wall time of estimating all cases (without errors).
+    """
+
+    estimator: str
+    noise: float
+    per_step: Mapping[str, Array]
+    space_time: Mapping[str, Array]
+    quantities: Mapping[str, QuantityOutcome]
+    estimate: Estimate | None
+    seconds: float
+
+    def worst_case(self, error: str) -> int:
+        """Number of the case whose space–time error is largest."""
+        return int(np.argmax(self.space_time[error]))
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """All outcomes and the data they come from.
+
+    Parameters
+    ----------
+    outcomes : tuple of Outcome
+        The training mean first, then estimator by estimator for each noise level.
+    errors : tuple of str
+        Labels of the errors.
+    clean : (m, t, k) array
+        Noise-free measurements.
+    data : mapping of float to (m, t, k) array
+        Measurements at each noise level.
+    sigmas : mapping of float to (k,) array
+        Standard deviation of the noise of each case.
+    joint_weights : mapping of str to float
+        Field weights of the joint norm.
+    """
+
+    outcomes: tuple[Outcome, ...]
+    errors: tuple[str, ...]
+    clean: Array
+    data: Mapping[float, Array]
+    sigmas: Mapping[float, Array]
+    joint_weights: Mapping[str, float]
+
+    def outcome(self, estimator: str, noise: float) -> Outcome:
+        """Return one outcome; the training mean is the same at every noise level."""
+        for each in self.outcomes:
+            if each.estimator == estimator and (estimator == PRIOR or each.noise == noise):
+                return each
+        raise ShapeError(f"outcome: none of {estimator!r} at noise {noise}")
+
+
+def noisy(clean: Array, level: float, seed: int) -> tuple[Array, Array]:
+    """Add noise of σ = Ξ max|ℓ_i(u(t))|, a σ for each case.
+
+    Parameters
+    ----------
+    clean : (m, t, k) array
+    level : float
+        Ξ.
+    seed : int
+        Each level and case has a stream of its own, so adding one changes no other.
+
+    Returns
+    -------
+    data : (m, t, k) array
+    sigmas : (k,) array
+    """
+    sigmas = level * np.abs(clean).max(axis=(0, 1))
+    data = clean.copy()
+    if level > 0:
+        for case in range(clean.shape[2]):
+            rng = np.random.default_rng([seed, round(level * 1e9), case])
+            data[:, :, case] += sigmas[case] * rng.standard_normal(clean.shape[:2])
+    return data, sigmas
+
+
+def validate(
+    background: Background,
+    functionals: Functionals,
+    prepared: Mapping[str, PreparedEstimator],
+    truths: Sequence[Trajectory],
+    quantities: Mapping[str, QuantityOfInterest],
+    contrasts: Sequence[Contrast],
+    levels: Sequence[float],
+    seed: int,
+    progress: Progress | None = None,
+) -> Validation:
+    """Estimate every case with every estimator at every noise level.
+
+    Parameters
+    ----------
+    background : Background
+    functionals : Functionals
+    prepared : mapping of str to PreparedEstimator
+        Prepared with noise of unit standard deviation.
+    truths : sequence of Trajectory
+        Read one at a time.
+    quantities : mapping of str to QuantityOfInterest
+    contrasts : sequence of Contrast
+    levels : sequence of float
+    seed : int
+    progress : callable, optional
+    """
+    space = background.space
+    clean = np.stack([functionals(truth.states) for truth in truths], axis=2)
+    data, sigmas = {}, {}
+    for level in levels:
+        data[level], sigmas[level] = noisy(clean, level, seed)
+    jobs: list[tuple[str, float, Estimate, float]] = []
+    for level in levels:
+        for name, estimator in prepared.items():
+            started = time.perf_counter()
+            estimate = estimator.estimate(data[level], noise_scale=sigmas[level])
+            jobs.append((name, level, estimate, time.perf_counter() - started))
+    count = len(truths)
+    steps = np.arange(len(background.times))
+    prior = Estimate(background, steps, np.repeat(background.mean()[:, :, None], count, axis=2))
+    jobs.insert(0, (PRIOR, 0.0, prior, 0.0))
+    weights = balanced_weights(background)
+    meter = _Meter(space, background.kind, contrasts, weights)
+    tables: list[list[dict[str, tuple[Array, Array]]]] = [[] for _ in jobs]
+    for case, truth in enumerate(truths):
+        reference = meter.reference(truth.states)
+        for job, (_, _, estimate, _) in enumerate(jobs):
+            tables[job].append(meter.errors(truth.states - estimate.state(series=case), reference))
+        if progress:
+            progress(case + 1, count)
+    truth_values = {
+        name: np.array([_quantity_of(quantity, space, truth.states) for truth in truths])
+        for name, quantity in quantities.items()
+    }
+    outcomes = [
+        _outcome(name, level, estimate, seconds, rows, quantities, truth_values)
+        for (name, level, estimate, seconds), rows in zip(jobs, tables, strict=True)
+    ]
+    return Validation(tuple(outcomes), meter.labels, clean, data, sigmas, weights)
+
+
+def balanced_weights(background: Background) -> dict[str, float]:
+    """ζ = (max‖u‖ / max‖p‖)² over the training set less its mean: the joint norm's weights."""
+    fluctuations = background.coefficients - background.mean()[:, :, None]
+    names = [field.name for field in background.space.fields]
+    sizes = [float(np.linalg.norm(fluctuations[background.block(name)], axis=0).max()) for name in names]
+    return {name: (sizes[0] / size) ** 2 if size > 0 else 1.0 for name, size in zip(names, sizes, strict=True)}
+
+
+def _outcome(
+    name: str,
+    level: float,
+    estimate: Estimate,
+    seconds: float,
+    rows: Sequence[dict[str, tuple[Array, Array]]],
+    quantities: Mapping[str, QuantityOfInterest],
+    truth_values: Mapping[str, Array],
+) -> Outcome:
+    per_step, space_time = {}, {}
+    for label in rows[0]:
+        above = np.stack([row[label][0] for row in rows], axis=1)
+        below = np.stack([row[label][1] for row in rows], axis=1)
+        per_step[label] = above / below
+        space_time[label] = np.sqrt((above**2).sum(axis=0) / (below**2).sum(axis=0))
+    values = {}
+    for title, quantity in quantities.items():
+        found = estimate.quantity(quantity)[0]
+        deviation = np.full(len(found), np.nan)
+        if estimate.uncertainty is not None:
+            deviation = estimate.standard_deviation(quantity)[0]
+        values[title] = QuantityOutcome(truth_values[title], found, deviation)
+    return Outcome(name, level, per_step, space_time, values, None if name == PRIOR else estimate, seconds)
+
+
+def _quantity_of(quantity: QuantityOfInterest, space: StateSpace, states: Array) -> float:
+    values = quantity.functionals(space)(states)
+    return float((quantity.time_weights(states.shape[1]) @ values[0])[0])
+
+
+class _Meter:
+    """Norms of fields, contrasts and the joint state at each step."""
+
+    def __init__(
+        self, space: StateSpace, kind: Product, contrasts: Sequence[Contrast], weights: Mapping[str, float]
+    ) -> None:
+        self.space, self.kind, self.contrasts, self.weights = space, kind, contrasts, weights
+        names = [field.name for field in space.fields]
+        joint = (JOINT,) if len(names) > 1 else ()
+        self.labels = (*names, *(contrast.label for contrast in contrasts), *joint)
+
+    def norms(self, states: Array) -> dict[str, Array]:
+        out = {}
+        for field in self.space.fields:
+            product = self.space.scalar_product(field.name, self.kind)
+            total = np.zeros(states.shape[1])
+            for component in range(field.components):
+                part = states[self.space.layout.component(field.name, component)]
+                total += np.einsum("ij,ij->j", part, product @ part)
+            out[field.name] = np.sqrt(np.maximum(total, 0.0))
+        return out
+
+    def reference(self, states: Array) -> dict[str, Array]:
+        out = self.norms(states)
+        for contrast in self.contrasts:
+            shifted = states.copy()
+            shifted[self.space.layout.block(contrast.field)] -= contrast.constant
+            out[contrast.label] = self.norms(shifted)[contrast.field]
+        out[JOINT] = self._joint(out)
+        return out
+
+    def errors(self, difference: Array, reference: Mapping[str, Array]) -> dict[str, tuple[Array, Array]]:
+        norms = self.norms(difference)
+        for contrast in self.contrasts:
+            norms[contrast.label] = norms[contrast.field]
+        norms[JOINT] = self._joint(norms)
+        return {label: (norms[label], reference[label]) for label in self.labels}
+
+    def _joint(self, norms: Mapping[str, Array]) -> Array:
+        squares = sum(self.weights[f.name] * norms[f.name] ** 2 for f in self.space.fields)
+        return np.asarray(np.sqrt(squares))

@@ -1,0 +1,10 @@
+"""What the machine offers."""
+
+import os
+
+
+def usable_cores() -> int:
+    """Number of cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

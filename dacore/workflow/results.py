@@ -1,0 +1,171 @@
+"""The machine-readable result of a run: every error next to the error of guessing the training mean."""
+
+import json
+import os
+import platform
+import resource
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dacore.core.arrays import Array
+from dacore.core.background import Background
+from dacore.core.mesh import Mesh
+from dacore.core.observation import Functionals
+from dacore.estimators.pbdw import PreparedPBDW
+from dacore.io.atomic import atomic_write
+from dacore.pipeline.runner import Runner
+from dacore.studies.validation import PRIOR, Outcome, Validation
+from dacore.workflow.build import Builder
+
+SCHEMA = 1
+SAME_DISCRETISATION = (
+    "truth computed on the same mesh with the same time scheme: errors are those of the reconstruction alone"
+)
+
+
+def summarise(builder: Builder, runner: Runner, seconds: float) -> dict[str, Any]:
+    """Collect everything a run found, as JSON values.
+
+    Parameters
+    ----------
+    builder : Builder
+    runner : Runner
+        With the results of the scene's targets.
+    seconds : float
+        Wall time of the run so far.
+    """
+    scene = builder.scene
+    background: Background = runner["background"]
+    validation: Validation = runner["validation"]
+    summary = {
+        "schema": SCHEMA,
+        "title": scene.title,
+        "reference": SAME_DISCRETISATION,
+        "scene": scene.model_dump(mode="json"),
+        "seeds": {"training": scene.training.seed, "validation": scene.validation.seed, "noise": scene.noise.seed},
+        "versions": {"python": platform.python_version(), **builder.versions()},
+        "machine": {"system": platform.platform(), "processor": platform.machine(), "cores": os.cpu_count()},
+        "timings": {name: round(value, 4) for name, value in runner.timings.items()} | {"total": round(seconds, 3)},
+        "peak_memory_mib": peak_memory(),
+        "mesh": _mesh(runner["domain"]) if "domain" in runner.timings else None,
+        "n_dofs": background.space.n_dofs,
+        "observation": _observation(runner["functionals"]),
+        "background": _background(background),
+        "parameters": {
+            p.name: {"low": p.low, "high": p.high, "unit": p.unit} for p in background.parameters.parameters
+        },
+        "estimators": {name: _estimator(runner[f"prepared.{name}"]) for name in scene.estimator},
+        "joint_weights": dict(validation.joint_weights),
+        "validation": [_outcome(validation, outcome) for outcome in validation.outcomes],
+    }
+    if scene.validation.refine_time > 1:
+        refinement = runner["refinement"]
+        summary["discretisation_error_in_time"] = {
+            "steps_divided_by": refinement.factor,
+            "relative_difference": dict(refinement.differences),
+            "parameters": dict(refinement.parameters),
+        }
+    return summary
+
+
+def peak_memory() -> dict[str, float]:
+    """Peak resident memory [MiB] of this process and of the largest worker."""
+    unit = 1024.0 if sys.platform != "darwin" else 1024.0**2
+    return {
+        "main": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit, 1),
+        "largest_worker": round(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / unit, 1),
+    }
+
+
+def write_json(content: Mapping[str, Any], path: Path) -> None:
+    """Write JSON; the file appears whole or not at all."""
+    with atomic_write(path) as stream:
+        stream.write(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def numbers(values: Array) -> Any:
+    """Turn an array into nested lists of floats, with null where a value is not finite."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim == 0:
+        return float(array) if np.isfinite(array) else None
+    return [numbers(part) for part in array]
+
+
+def _mesh(mesh: Mesh) -> dict[str, Any]:
+    return {
+        "nodes": len(mesh.points),
+        "cells": len(mesh.cells),
+        "facets": {role: len(mesh.boundary_facets(role)) for role in mesh.roles},
+        "volume_cm": float(mesh.volumes.sum()),
+        "extent_cm": numbers(np.ptp(mesh.points, axis=0)),
+    }
+
+
+def _observation(functionals: Functionals) -> dict[str, Any]:
+    return {
+        "functionals": functionals.count,
+        "sites": functionals.n_sites,
+        "dropped": functionals.dropped,
+        "unit": functionals.unit,
+    }
+
+
+def _background(background: Background) -> dict[str, Any]:
+    return {
+        "samples": background.n_samples,
+        "steps": len(background.times),
+        "modes": {name: basis.dimension for name, basis in background.bases.items()},
+        "relative_compression_error": dict(background.compression),
+        "product": background.kind,
+    }
+
+
+def _estimator(prepared: Any) -> dict[str, Any]:
+    if not isinstance(prepared, PreparedPBDW):
+        return {}
+    return {
+        "n": [int(n) for n in prepared.dimensions],
+        "inf_sup": numbers(prepared.inf_sup),
+        "weights": prepared.weights,
+        "inf_sup_of_n": [numbers(constants) for constants in prepared.constants],
+        "tails_of_n": [
+            numbers(frame.tails[: len(c) + 1]) for frame, c in zip(prepared.frames, prepared.constants, strict=True)
+        ],
+    }
+
+
+def _outcome(validation: Validation, outcome: Outcome) -> dict[str, Any]:
+    prior = validation.outcome(PRIOR, 0.0)
+    errors = {}
+    for label in validation.errors:
+        values, guess = outcome.space_time[label], prior.space_time[label]
+        errors[label] = {
+            "mean": float(values.mean()),
+            "worst": float(values.max()),
+            "mean_over_steps": float(outcome.per_step[label].mean()),
+            "of_the_training_mean": float(guess.mean()),
+            "cases": numbers(values),
+        }
+    quantities = {}
+    for name, quantity in outcome.quantities.items():
+        guess_quantity = prior.quantities[name]
+        quantities[name] = {
+            "rms_error": quantity.rms,
+            "largest_error": quantity.worst,
+            "rms_error_of_the_training_mean": guess_quantity.rms,
+            "largest_error_of_the_training_mean": guess_quantity.worst,
+            "truth": numbers(quantity.truth),
+            "estimate": numbers(quantity.estimate),
+            "standard_deviation": numbers(quantity.deviation),
+        }
+    return {
+        "estimator": outcome.estimator,
+        "noise": outcome.noise,
+        "errors": errors,
+        "quantities": quantities,
+        "seconds_for_all_cases": round(outcome.seconds, 4),
+    }

@@ -1,0 +1,77 @@
+"""Run a scene from file to results, or say what a run would do."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dacore.io.scene import read_scene
+from dacore.pipeline.runner import PlannedStage, Runner
+from dacore.workflow.build import Builder
+from dacore.workflow.machine import usable_cores
+from dacore.workflow.results import summarise, write_json
+from dacore.workflow.stages import ProgressBoard, scene_pipeline, targets
+from dacore.workflow.tables import ResultTable, error_table
+
+
+@dataclass(frozen=True)
+class Finished:
+    """What a run leaves.
+
+    Parameters
+    ----------
+    tables : tuple of ResultTable
+    files : tuple of Path
+    seconds : float
+    """
+
+    tables: tuple[ResultTable, ...]
+    files: tuple[Path, ...]
+    seconds: float
+
+
+def run_scene(
+    path: Path,
+    changes: Sequence[str],
+    out: Path,
+    cache: Path | None = None,
+    workers: int | None = None,
+    board: ProgressBoard | None = None,
+) -> Finished:
+    """Run a scene and write its results.
+
+    Parameters
+    ----------
+    path : Path
+        The scene.
+    changes : sequence of str
+        ``"key=value"`` changes to it.
+    out : Path
+        Folder of the results.
+    cache : Path, optional
+        Folder of kept stages; ``out/cache`` by default.
+    workers : int, optional
+        Processes for solving; all usable cores by default.
+    board : ProgressBoard, optional
+    """
+    started = time.perf_counter()
+    builder = Builder(read_scene(path, changes), str(path), path.parent)
+    builder.check()
+    board = board or ProgressBoard()
+    pipeline = scene_pipeline(builder, workers or usable_cores(), board)
+    runner = Runner(pipeline, cache or out / "cache", board.stage)
+    for target in targets(builder):
+        runner[target]
+    files = []
+    results = out / "results.json"
+    write_json(summarise(builder, runner, time.perf_counter() - started), results)
+    files.append(results)
+    tables = tuple(error_table(builder, runner["validation"], level) for level in builder.scene.noise.levels)
+    return Finished(tables, tuple(files), time.perf_counter() - started)
+
+
+def plan_scene(path: Path, changes: Sequence[str], out: Path, cache: Path | None = None) -> list[PlannedStage]:
+    """Say what `run_scene` would do, stage by stage."""
+    builder = Builder(read_scene(path, changes), str(path), path.parent)
+    builder.check()
+    return Runner(scene_pipeline(builder), cache or out / "cache").plan(targets(builder))

@@ -1,0 +1,201 @@
+"""The stages of a scene: which settings each depends on, and how it is made."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dacore import __version__
+from dacore.algebra.compress import compress
+from dacore.core.arrays import Array
+from dacore.core.model import Trajectory
+from dacore.core.noise import WhiteNoise
+from dacore.dynamics.march import MarchedModel
+from dacore.dynamics.training import Progress, draw, solve_all
+from dacore.errors import SceneError
+from dacore.io.background import read_background, write_background
+from dacore.io.mesh_cache import read_mesh_cache, write_mesh_cache
+from dacore.io.scene import PluginTable
+from dacore.io.snapshots import TrajectoryStore
+from dacore.pipeline.stage import Codec, Pipeline, Results, Stage
+from dacore.studies.refinement import time_refinement
+from dacore.studies.validation import Contrast, validate
+from dacore.workflow.build import Builder
+
+
+@dataclass(frozen=True)
+class TrajectorySet(Sequence[Trajectory]):
+    """Trajectories in a store, read one at a time.
+
+    Parameters
+    ----------
+    store : TrajectoryStore
+    samples : (K, n_parameters) array
+    solved : int
+        How many were solved in this run.
+    """
+
+    store: TrajectoryStore
+    samples: Array
+    solved: int
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+    def __getitem__(self, index: Any) -> Any:
+        if not 0 <= index < len(self):
+            raise IndexError(index)
+        return self.store.read(index)[0]
+
+    def __iter__(self) -> Iterator[Trajectory]:
+        return (self[index] for index in range(len(self)))
+
+
+class ProgressBoard:
+    """Where stages report how far they are; the command line draws it."""
+
+    def meter(self, title: str) -> Progress | None:
+        """Return a callback (done, total) for one piece of work, or None for silence."""
+        return None
+
+    def stage(self, name: str, event: str) -> None:
+        """Hear that stage `name` starts ("start"), is done ("done"), or was kept ("cached")."""
+
+
+def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | None = None) -> Pipeline:
+    """Return the stages of a scene, each with exactly the settings it depends on.
+
+    Parameters
+    ----------
+    builder : Builder
+    workers : int
+        Processes for solving; not part of any key.
+    board : ProgressBoard, optional
+    """
+    scene, show = builder.scene, board or ProgressBoard()
+    ranges = {name: table.model_dump() for name, table in scene.parameters.items()}
+    solver_settings = scene.time.model_dump()
+
+    def make_training(results: Results, folder: Path) -> TrajectorySet:
+        model, parameters = results["model"], results["parameters"]
+        samples = draw(parameters, scene.training.samples, scene.training.sampling, scene.training.seed)
+        store = TrajectoryStore(folder, folder.name)
+        solved = solve_all(model, parameters, samples, store, workers, show.meter("training"))
+        return TrajectorySet(store, samples, solved)
+
+    def make_truth(results: Results, folder: Path) -> TrajectorySet:
+        model, parameters = results["model"], results["parameters"]
+        samples = draw(parameters, scene.validation.cases, "uniform", scene.validation.seed)
+        store = TrajectoryStore(folder, folder.name)
+        solved = solve_all(model, parameters, samples, store, workers, show.meter("unseen cases"))
+        return TrajectorySet(store, samples, solved)
+
+    def make_background(results: Results, _: Path) -> Any:
+        training: TrajectorySet = results["training"]
+        states = [trajectory.states for trajectory in training]
+        model = results["model"]
+        return compress(
+            model.space, states, model.times, results["parameters"], training.samples,
+            scene.training.tolerance, scene.training.product,
+        )  # fmt: skip
+
+    def make_prepared(name: str) -> Any:
+        def prepare(results: Results, _: Path) -> Any:
+            estimator = builder.estimators[name]
+            return estimator.prepare(results["background"], results["functionals"], WhiteNoise(1.0))
+
+        return prepare
+
+    def make_validation(results: Results, _: Path) -> Any:
+        parameters = results["parameters"]
+        contrasts = []
+        for table in scene.validation.contrasts:
+            if not parameters[table.minus].fixed:
+                raise SceneError(
+                    f"{builder.where}: validation.contrasts: {table.minus} varies, expected a fixed parameter"
+                )
+            contrasts.append(Contrast(f"{table.field} − {table.minus}", table.field, parameters[table.minus].low))
+        return validate(
+            results["background"], results["functionals"],
+            {name: results[f"prepared.{name}"] for name in scene.estimator}, results["truth"], builder.quantities,
+            contrasts, scene.noise.levels, scene.noise.seed, show.meter("errors"),
+        )  # fmt: skip
+
+    def make_refinement(results: Results, _: Path) -> Any:
+        model = results["model"]
+        if not isinstance(model, MarchedModel):
+            raise SceneError(f"{builder.where}: validation.refine_time: this model steps by itself; set it to 0")
+        middle = {p.name: float(p.quantile(np.array(0.5))) for p in results["parameters"].parameters}
+        factor = scene.validation.refine_time
+        return time_refinement(model, builder.march(model.model, factor), middle, factor)
+
+    stages = [
+        Stage(
+            "domain", (),
+            {"version": __version__, "content": builder.domain.fingerprint(), **_plugin(builder, "domain")},
+            lambda _results, _folder: builder.domain.mesh(),
+            Codec(".npz", write_mesh_cache, lambda path, _results: read_mesh_cache(path)), "mesh with roles",
+        ),
+        Stage(
+            "model", ("domain",),
+            {"backend": scene.discretization.backend, "time": solver_settings, **_plugin(builder, "physics")},
+            lambda results, _folder: builder.model(results["domain"]), purpose="parameter-free matrices",
+        ),
+        Stage(
+            "parameters", ("model",), {"ranges": ranges},
+            lambda results, _folder: builder.parameters(results["model"]), purpose="ranges",
+        ),
+        Stage(
+            "training", ("model", "parameters"),
+            scene.training.model_dump(include={"samples", "sampling", "seed"}), make_training, purpose="trajectories",
+        ),
+        Stage(
+            "background", ("training",), scene.training.model_dump(include={"tolerance", "product"}), make_background,
+            Codec(
+                ".h5", write_background,
+                lambda path, results: read_background(path, results["model"].space, results["parameters"]),
+                ("model", "parameters"),
+            ), "compressed training set",
+        ),
+        Stage(
+            "functionals", ("model",), {name: _content(table) for name, table in scene.observation.items()},
+            lambda results, _folder: builder.functionals(results["model"].space), purpose="what is measured",
+        ),
+        *(
+            Stage(
+                f"prepared.{name}", ("background", "functionals"), _content(table), make_prepared(name),
+                purpose=table.title or table.kind,
+            )
+            for name, table in scene.estimator.items()
+        ),
+        Stage(
+            "truth", ("model", "parameters"), scene.validation.model_dump(include={"cases", "seed"}), make_truth,
+            purpose="unseen cases",
+        ),
+        Stage(
+            "validation", ("background", "functionals", "truth", *(f"prepared.{name}" for name in scene.estimator)),
+            {"noise": scene.noise.model_dump(), "contrasts": [c.model_dump() for c in scene.validation.contrasts]},
+            make_validation, purpose="errors on unseen cases",
+        ),
+        Stage(
+            "refinement", ("model", "parameters"), {"factor": scene.validation.refine_time}, make_refinement,
+            purpose="discretisation error in time",
+        ),
+    ]  # fmt: skip
+    return Pipeline(stages)
+
+
+def targets(builder: Builder) -> list[str]:
+    """The stages a run of the scene asks for."""
+    return ["validation", *(["refinement"] if builder.scene.validation.refine_time > 1 else [])]
+
+
+def _plugin(builder: Builder, key: str) -> dict[str, Any]:
+    return {**_content(getattr(builder.scene, key)), "version": builder.version_of(key)}
+
+
+def _content(table: PluginTable) -> dict[str, Any]:
+    """What a result depends on: the kind and its settings, not the title."""
+    return {"kind": table.kind, "table": table.settings}

@@ -1,0 +1,148 @@
+"""Minimum variance against the dense Gaussian formulas."""
+
+import numpy as np
+import pytest
+from dacore.core.noise import CorrelatedNoise, SensorNoise, WhiteNoise
+from dacore.core.quantity import QuantityOfInterest
+from dacore.errors import ShapeError
+from dacore.estimators.minimum_variance import MinimumVariance
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.spaces import Chain, functionals_of, random_background, random_functionals
+
+
+def setting(seed, m=11):
+    rng = np.random.default_rng(seed)
+    space = Chain(14)
+    return rng, space, random_background(rng, space), random_functionals(rng, space, m)
+
+
+def noise_of(rng, kind, m):
+    """A noise model and its covariance."""
+    if kind == "white":
+        return WhiteNoise(0.4), 0.16 * np.eye(m)
+    if kind == "sensors":
+        sigmas = rng.uniform(0.1, 2.0, m)
+        return SensorNoise(sigmas), np.diag(sigmas**2)
+    factor = rng.standard_normal((m, m)) + 3 * np.eye(m)
+    return CorrelatedNoise(factor @ factor.T), factor @ factor.T
+
+
+def dense_posterior(states, operator, covariance, data):
+    """Mean and covariance of the Gaussian posterior, by the textbook."""
+    mean = states.mean(axis=1)
+    prior = np.cov(states)
+    gain = prior @ operator.T @ np.linalg.inv(operator @ prior @ operator.T + covariance)
+    return mean + gain @ (data - operator @ mean), prior - gain @ operator @ prior
+
+
+@given(
+    seed=st.integers(0, 2**31),
+    kind=st.sampled_from(["white", "sensors", "correlated"]),
+    window=st.sampled_from(["cycle", "step"]),
+    scale=st.floats(0.3, 5.0),
+)
+def test_estimate_and_variance_are_the_gaussian_posterior(seed, kind, window, scale):
+    rng, space, background, functionals = setting(seed)
+    m, t = functionals.count, 5
+    noise, covariance = noise_of(rng, kind, m)
+    data = rng.standard_normal((m, t, 1))
+    estimate = MinimumVariance(window=window, floor=1e-12).prepare(background, functionals, noise).estimate(data, scale)
+    states = background.lift(background.coefficients)
+    operator = functionals.matrix.toarray()
+    weights = rng.standard_normal(space.n_dofs)
+    reduced = background.observe(functionals_of(weights[None]).matrix)
+    found = estimate.state(series=0)
+    if window == "step":
+        for k in range(t):
+            mean, posterior = dense_posterior(states[:, k], operator, scale**2 * covariance, data[:, k, 0])
+            assert np.allclose(found[:, k], mean, atol=1e-7)
+            on_modes = np.zeros((1, t, background.dimension))
+            on_modes[0, k] = reduced
+            variance = estimate.uncertainty.variance(on_modes, None)[0, 0]
+            assert np.isclose(variance, weights @ posterior @ weights, rtol=1e-6)
+    else:
+        stacked = states.swapaxes(0, 1).reshape(t * space.n_dofs, -1)
+        big = np.kron(np.eye(t), operator)
+        mean, posterior = dense_posterior(
+            stacked, big, np.kron(np.eye(t), scale**2 * covariance), data[:, :, 0].T.ravel()
+        )
+        assert np.allclose(found.T.ravel(), mean, atol=1e-7)
+        along = np.tile(weights / t, t)
+        on_modes = np.repeat(reduced[:, None] / t, t, axis=1)
+        variance = estimate.uncertainty.variance(on_modes, None)[0, 0]
+        assert np.isclose(variance, along @ posterior @ along, rtol=1e-6)
+
+
+@given(seed=st.integers(0, 2**31))
+def test_exact_data_of_a_training_trajectory_recover_it(seed):
+    _, _, background, functionals = setting(seed, m=20)
+    states = background.lift(background.coefficients[:, :, 3])
+    estimate = MinimumVariance(floor=1e-10).prepare(background, functionals, WhiteNoise()).estimate(
+        functionals(states)[:, :, None], 0.0
+    )
+    assert np.abs(estimate.state(series=0) - states).max() < 1e-5 * np.abs(states).max()
+
+
+def test_huge_noise_gives_the_prior_mean_and_its_spread():
+    rng, _, background, functionals = setting(1)
+
+    class First(QuantityOfInterest):
+        over_time = "mean"
+
+        def functionals(self, space):
+            return functionals_of(np.eye(space.n_dofs)[-1:])
+
+    data = 100 * rng.standard_normal((functionals.count, 5, 2))
+    estimate = MinimumVariance().prepare(background, functionals, WhiteNoise(1e9)).estimate(data)
+    prior = background.lift(background.mean())
+    assert np.allclose(estimate.state(series=0), prior, atol=1e-5)
+    values = background.lift(background.coefficients)[-1].mean(axis=0)
+    assert np.allclose(estimate.standard_deviation(First()), values.std(ddof=1), rtol=1e-6)
+    low, high = estimate.interval(First(), 0.9)
+    assert np.allclose((high - low) / 2, 1.6448536 * values.std(ddof=1), rtol=1e-6)
+
+
+def test_noise_scale_differs_between_series():
+    rng, _, background, functionals = setting(2)
+    data = np.repeat(rng.standard_normal((functionals.count, 5, 1)), 2, axis=2)
+    prepared = MinimumVariance().prepare(background, functionals, WhiteNoise())
+    both = prepared.estimate(data, np.array([0.1, 2.0])).state()
+    for k, scale in enumerate((0.1, 2.0)):
+        assert np.allclose(both[..., k], prepared.estimate(data[:, :, :1], scale).state(series=0))
+
+
+@given(seed=st.integers(0, 2**31), kind=st.sampled_from(["white", "sensors", "correlated"]))
+def test_masked_estimate_equals_one_prepared_on_the_valid_functionals(seed, kind):
+    rng, _, background, functionals = setting(seed)
+    noise, _ = noise_of(rng, kind, functionals.count)
+    mask = np.arange(functionals.count) % 3 != 0
+    data = rng.standard_normal((functionals.count, 5, 1))
+    gaps = data.copy()
+    gaps[~mask] = np.inf
+    found = MinimumVariance().prepare(background, functionals, noise).estimate(gaps, mask=mask)
+    fewer = functionals_of(functionals.matrix.toarray()[mask])
+    reference = MinimumVariance().prepare(background, fewer, noise.marginal(mask)).estimate(data[mask])
+    assert np.allclose(found.state(), reference.state(), atol=1e-9)
+
+
+def test_observed_steps_may_be_a_subset():
+    rng, _, background, functionals = setting(4)
+    steps = np.array([1, 3])
+    data = rng.standard_normal((functionals.count, 2, 1))
+    estimate = MinimumVariance(window="step").prepare(background, functionals, WhiteNoise(), steps).estimate(data)
+    full = MinimumVariance(window="step").prepare(background, functionals, WhiteNoise())
+    padded = np.zeros((functionals.count, 5, 1))
+    padded[:, steps] = data
+    assert np.allclose(estimate.state(), full.estimate(padded).state(step=steps))
+
+
+def test_bad_settings_are_refused():
+    rng, space, background, functionals = setting(0)
+    with pytest.raises(ShapeError, match="floor"):
+        MinimumVariance(floor=0.0)
+    with pytest.raises(ShapeError, match="at least 2"):
+        MinimumVariance().prepare(random_background(rng, space, samples=1), functionals, WhiteNoise())
+    with pytest.raises(ShapeError, match="noise_scale"):
+        MinimumVariance().prepare(background, functionals, WhiteNoise()).estimate(np.zeros((11, 5, 1)), -1.0)
