@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from dacore.core.arrays import Array, IntArray
+from dacore.core.arrays import Array, BoolArray, IntArray
 from dacore.core.mesh import Mesh, exterior_facets
 from dacore.core.simplex import barycentric_gradients
 from dacore.errors import MeshError
@@ -100,6 +100,13 @@ def enclosed_volume(points: Array, facets: IntArray) -> float:
     return float(np.linalg.det(points[facets] - centre).sum()) / {2: 2.0, 3: 6.0}[points.shape[1]]
 
 
+def on_cavity(points: Array, facets: IntArray) -> BoolArray:
+    """Whether each outward oriented boundary facet (f,) lies on a cavity: a component that encloses less than 0."""
+    label = boundary_components(facets)
+    count = int(label.max()) + 1
+    return np.array([enclosed_volume(points, facets[label == k]) < 0.0 for k in range(count)])[label]
+
+
 def check_manifold(facets: IntArray) -> tuple[int, ...]:
     """Check that boundary facets form closed manifolds.
 
@@ -135,10 +142,7 @@ def check_manifold(facets: IntArray) -> tuple[int, ...]:
     facet = np.tile(np.arange(len(facets)), 3)
     order = np.argsort(where.reshape(-1), kind="stable")
     pairs = facet[order].reshape(-1, 2)
-    corner = _corner_numbers(facets)
-    links = [
-        np.stack([corner(pairs[:, 0], edges[:, end]), corner(pairs[:, 1], edges[:, end])], axis=1) for end in (0, 1)
-    ]
+    links = [np.stack([_corners(facets, pairs[:, side], edges[:, end]) for side in (0, 1)], axis=1) for end in (0, 1)]
     link = np.concatenate(links)
     graph = coo_array((np.ones(len(link)), (link[:, 0], link[:, 1])), shape=(facets.size, facets.size))
     fans = connected_components(graph, directed=False)[0]
@@ -153,11 +157,9 @@ def check_manifold(facets: IntArray) -> tuple[int, ...]:
     return tuple(euler)
 
 
-def _corner_numbers(facets: IntArray):  # type: ignore[no-untyped-def]
-    def corner(facet: IntArray, vertex: IntArray) -> IntArray:
-        return np.asarray(3 * facet + np.argmax(facets[facet] == vertex[:, None], axis=1))
-
-    return corner
+def _corners(facets: IntArray, facet: IntArray, vertex: IntArray) -> IntArray:
+    """Number 3 f + k (n,) of the corner at which facet f has a vertex."""
+    return np.asarray(3 * facet + np.argmax(facets[facet] == vertex[:, None], axis=1))
 
 
 def measure(points: Array, cells: IntArray) -> Quality:

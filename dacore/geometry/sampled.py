@@ -64,4 +64,4 @@ def smooth_distance(mask: BoolArray, sigma: float, level: float = 0.5) -> Array:
     near = -sigma * (ndtri(np.clip(blurred, _TAIL, 1.0 - _TAIL)) - ndtri(level))
     far = distance_transform_edt(~mask) - distance_transform_edt(mask)
     dead = (blurred < 10.0 * _TAIL) | (blurred > 1.0 - 10.0 * _TAIL)
-    return np.where(dead & (np.abs(far) > np.abs(near)), far, near)
+    return np.asarray(np.where(dead & (np.abs(far) > np.abs(near)), far, near), dtype=np.float64)

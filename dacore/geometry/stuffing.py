@@ -107,19 +107,22 @@ def _shift(attempt: int) -> Array:
 
 def _fill(level_set: LevelSet, points: Array, cells: IntArray, bottom: float) -> tuple[Array, IntArray]:
     """Warp, cut and keep what lies inside; `bottom` is the lowest z of the lattice."""
-    value = level_set(points)
-    spacing = np.abs(points[cells[:, 0]] - points[cells[:, 1]]).max()
-    value[np.abs(value) < 1e-9 * spacing] = 0.0
-    value_of_cells = value[cells]
-    cells = cells[(value_of_cells < 0.0).any(axis=1)]
+    value = np.array(level_set(points), dtype=np.float64)
+    if not np.isfinite(value).all():
+        raise MeshError("the level set is NaN or infinite somewhere in the box")
+    value[np.abs(value) < 1e-9 * np.ptp(points, axis=0).max()] = 0.0
+    cells = cells[(value[cells] < 0.0).any(axis=1)]
     if len(cells) == 0:
         raise MeshError("no lattice point lies inside the level set")
     crossing = cells[(value[cells] > 0.0).any(axis=1)]
     edges = _crossing_edges(crossing, value)
     cuts = _roots(level_set, points, value, edges)
-    points, value, on_surface = _warp(points, value, edges, cuts, points[:, 2] == bottom)
-    keep = ~on_surface
-    nodes, pieces = cut_cells(points, value, cells, edges[keep], cuts[keep])
+    points, value, gone = _warp(points, value, edges, cuts, points[:, 2] == bottom)
+    nodes, pieces = cut_cells(points, value, cells, edges[~gone], cuts[~gone])
+    outer = np.unique(exterior_facets(pieces))
+    lattice = outer[outer < len(points)]
+    if ((value[lattice] < 0.0) & (points[lattice, 2] != bottom)).any():
+        raise MeshError("the level set reaches the side of the box, or is far from a distance")
     used, compact = np.unique(pieces, return_inverse=True)
     return nodes[used], oriented(nodes[used], compact.reshape(pieces.shape).astype(np.int64))
 
@@ -139,15 +142,17 @@ def _roots(level_set: LevelSet, points: Array, value: Array, edges: IntArray) ->
     start, along = points[edges[:, 0]], points[edges[:, 1]] - points[edges[:, 0]]
     low, high = np.zeros(len(edges)), np.ones(len(edges))
     f_low, f_high = value[edges[:, 0]].copy(), value[edges[:, 1]].copy()
-    t = low - f_low * (high - low) / (f_high - f_low)
+    side = np.zeros(len(edges), dtype=np.int64)
+    t = -f_low / (f_high - f_low)
     for _ in range(_ROOT_STEPS):
         f = level_set(start + t[:, None] * along)
         inner = f < 0.0
-        f_high, f_low = np.where(inner, 0.5 * f_high, f), np.where(inner, f, 0.5 * f_low)
-        low, high = np.where(inner, t, low), np.where(inner, high, t)
-        gap = f_high - f_low
-        t = np.where(gap > 0.0, low - f_low * (high - low) / np.where(gap > 0.0, gap, 1.0), t)
-    return np.asarray(start + t[:, None] * along)
+        # An end that stays twice running counts half, or the secants creep up from one side.
+        f_high = np.where(inner, np.where(side < 0, 0.5 * f_high, f_high), f)
+        f_low = np.where(inner, f, np.where(side > 0, 0.5 * f_low, f_low))
+        low, high, side = np.where(inner, t, low), np.where(inner, high, t), np.where(inner, -1, 1)
+        t = low - f_low * (high - low) / np.maximum(f_high - f_low, np.finfo(float).tiny)
+    return np.asarray(start + np.clip(t, low, high)[:, None] * along)
 
 
 def _warp(

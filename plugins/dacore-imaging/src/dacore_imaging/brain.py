@@ -9,7 +9,7 @@ from dacore.core.arrays import Array
 from dacore.core.domain import Domain
 from dacore.core.mesh import Mesh, exterior_facets
 from dacore.errors import MeshError
-from dacore.geometry.quality import Quality, boundary_components, check_quality, enclosed_volume
+from dacore.geometry.quality import Quality, check_quality, enclosed_volume, on_cavity
 from dacore.geometry.sampled import SampledLevelSet
 from dacore.geometry.stuffing import stuff
 from dacore_imaging.template import outlines
@@ -49,7 +49,7 @@ class Brain(Domain):
         If a setting is out of range.
     """
 
-    roles: ClassVar[dict[str, int]] = {"neck": 1, "ventricles": 2, "mre": 3}
+    tags: ClassVar[dict[str, int]] = {"neck": 1, "ventricles": 2, "mre": 3}
 
     nodes: Literal["5k", "33k", "100k"] = "5k"
     edge: float | None = None
@@ -78,10 +78,10 @@ class Brain(Domain):
         lower, upper = _box(envelope)
         points, cells = stuff(level_set, lower, upper, edge, sizing, floor=True, accept=_topology)
         facets = exterior_facets(cells)
-        inner = boundary_components(facets) > 0
+        inner = on_cavity(points, facets)
         low = points[facets][:, :, 2].mean(axis=1) < self.neck_height
-        tags = np.where(inner, self.roles["ventricles"], np.where(low, self.roles["neck"], self.roles["mre"]))
-        mesh = Mesh(points, cells, facets, tags, self.roles)
+        tags = np.where(inner, self.tags["ventricles"], np.where(low, self.tags["neck"], self.tags["mre"]))
+        mesh = Mesh(points, cells, facets, tags, self.tags)
         # A coarse surface cuts corners: the error of both volumes is of second order in the edge.
         slack = 0.01 + 0.02 * edge**2
         check_quality(mesh, 10.0, ((1 - slack) * _TISSUE, (1 + slack) * _TISSUE), (2, 2))
