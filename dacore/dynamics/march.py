@@ -1,17 +1,17 @@
 """Marching an affine model in time, with one solver set-up for each parameter sample."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal, final
 
 import numpy as np
 
-from dacore.algebra.solvers import Method, make_solver
+from dacore.algebra.solvers import Method, Ordering, make_solver
 from dacore.core.arrays import Array, check_shape
 from dacore.core.model import AffineModel, ForwardModel, Trajectory
 from dacore.core.parameters import Parameters, ParameterSpace
 from dacore.core.space import StateSpace
 from dacore.core.timegrid import TimeGrid
-from dacore.dynamics.extrapolate import Extrapolation
 from dacore.dynamics.newmark import Newmark, State
 from dacore.dynamics.static import steady_state
 from dacore.dynamics.system import StepSystem, load_profiles
@@ -77,6 +77,13 @@ class MarchedModel(ForwardModel):
         self.model, self.grid, self.scheme = model, grid, scheme or Newmark()
         self.start, self.method, self.tolerance = start, method, tolerance
         self._system = StepSystem(model, self.scheme, grid.step)
+
+    @cached_property
+    def _ordering(self) -> Ordering | None:
+        """The order of elimination, which depends on the sparsity pattern alone: found once for all samples."""
+        if self.method == "krylov":
+            return None
+        return Ordering.of(self._system.at(self._system.middle).matrix, self._system.definite)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return MarchedModel, (self.model, self.grid, self.scheme, self.start, self.method, self.tolerance)
@@ -159,17 +166,15 @@ class MarchedModel(ForwardModel):
         """March k motions with load amplitudes (n_loads, k): states (k, n_dofs, t)."""
         system, grid = self._system, self.grid
         step = system.at(parameters)
-        solver = make_solver(step.matrix, system.definite, self.method, self.tolerance)
+        solver = make_solver(step.matrix, system.definite, self.method, self.tolerance, self._ordering)
         count = grid.spin_up + grid.steps
         profiles = load_profiles(self.model.loads, grid.step * np.arange(1.0, count + 1.0))
         recorded = np.empty((amplitudes.shape[1], self.space.n_dofs, grid.steps))
-        past = Extrapolation(state.value[system.free])
         for k in range(count):
             weights = profiles[:, k, None] * amplitudes
             value = np.empty_like(state.value)
             value[system.constrained] = system.prescribed @ weights
-            value[system.free] = solver.solve(step.right_side(state, weights), past.guess())
-            past.append(value[system.free])
+            value[system.free] = solver.solve(step.right_side(state, weights))
             state = self.scheme.advance(state, value, grid.step)
             if k >= grid.spin_up:
                 recorded[:, :, k - grid.spin_up] = value.T

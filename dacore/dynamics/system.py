@@ -36,6 +36,8 @@ class StepSystem:
         Rows of the positive definite block; the others form the negative definite block.
     prescribed : (n_dofs − n_free, n_loads) array
         Values of the constrained dofs per unit of each load.
+    middle : mapping of str to float
+        Every parameter at the middle of its range.
 
     Raises
     ------
@@ -70,8 +72,8 @@ class StepSystem:
         rows = [*self._second, *self._first, *zeroth]
         self._sum = PatternSum([block[:, self.free] for block in rows], (self.free.size, self.free.size))
         self._lifts = [block[:, self.constrained] @ self.prescribed for block in rows]
-        middle = {p.name: float(p.quantile(np.array(0.5))) for p in model.parameters.parameters}
-        _check_symmetry(self.at(middle).matrix, self.definite)
+        self.middle = {p.name: float(p.quantile(np.array(0.5))) for p in model.parameters.parameters}
+        _check_symmetry(self.at(self.middle).matrix, self.definite)
 
     def at(self, parameters: Parameters) -> "Step":
         """Return the step for one parameter vector."""

@@ -14,7 +14,6 @@ from dacore.core.model import AffineModel, AffineTerm, Load
 from dacore.core.parameters import Parameter, ParameterSpace
 from dacore.core.space import StateSpace
 from dacore.core.timegrid import TimeGrid
-from dacore.dynamics.extrapolate import Extrapolation
 from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.newmark import Newmark, State
 from dacore.dynamics.pattern import PatternSum
@@ -310,16 +309,6 @@ def test_sum_on_one_pattern_equals_the_sum():
     assert PatternSum([], (7, 5)).combine(np.zeros(0)).nnz == 0
     with pytest.raises(ShapeError, match="matrices of a sum"):
         PatternSum(blocks, (5, 7))
-
-
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
-def test_extrapolation_is_exact_for_polynomials(order):
-    powers = np.arange(order)[:, None]
-    past = Extrapolation(0.0**powers, order)
-    for k in range(1, 8):
-        if k >= order:
-            np.testing.assert_allclose(past.guess(), float(k) ** powers, rtol=1e-9)
-        past.append(float(k) ** powers)
 
 
 def test_profiles():
