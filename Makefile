@@ -16,13 +16,13 @@ WORKERS ?= 2
 PYTEST   = DACORE_REQUIRE=$(REQUIRE) $(BIN)/python -m pytest
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test slow check clean
+.PHONY: help demo test slow bench check clean
 .DELETE_ON_ERROR:
 
 # Test processes already share the cores; threads of BLAS in each would only fight over them.
-test slow: export OMP_NUM_THREADS := 1
-test slow: export OPENBLAS_NUM_THREADS := 1
-test slow: export MKL_NUM_THREADS := 1
+test slow bench: export OMP_NUM_THREADS := 1
+test slow bench: export OPENBLAS_NUM_THREADS := 1
+test slow bench: export MKL_NUM_THREADS := 1
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{ printf "%-12s %s\n", $$1, $$2 }'
@@ -35,6 +35,9 @@ test: $(VENV)/.dev ## run every test but the longer studies
 
 slow: $(VENV)/.dev ## run the longer studies
 	$(PYTEST) -m slow
+
+bench: $(VENV)/.dev ## measure run times (tests/benchmarks/bench_*.py)
+	$(PYTEST) tests/benchmarks -o python_files='bench_*.py' -m '' -q -s
 
 check: $(VENV)/.dev ## lint, format, types, and imports that point down
 	$(BIN)/ruff check .
