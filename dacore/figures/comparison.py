@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from dacore.core.arrays import Array
 from dacore.errors import ShapeError
-from dacore.figures.slices import Scale, View, bar, dress, paint, panel_height, scale
+from dacore.figures.slices import Scale, View, bar, dress, paint, panel_height, scale, slab_legend
 from dacore.figures.style import INK, SPREAD, WIDTH, pretty, sheet, styled
 
 
@@ -84,13 +84,13 @@ def comparison(view: View, rows: Sequence[Compared], caption: str = "") -> Figur
         sign = row.difference is None or bool((row.difference < 0).any())
         gap = scale(row.error, signed=sign, colours=None if sign else SPREAD)
         paint(grid[index, 2], view, row.error, gap)
-        symbol = f"Δ {row.name}" if row.difference is None else f"|Δ{row.name.strip('|')}|"
+        symbol = f"Δ{_bracketed(row.name)}" if row.difference is None else f"|Δ{row.name.strip('|')}|"
         bar(figure, grid[index, 2:3], gap, gap.label(symbol, row.unit))
         shown = grid[index, :3]
         if row.deviation is not None:
             width = scale(row.deviation, signed=False, colours=SPREAD)
             paint(grid[index, 3], view, row.deviation, width)
-            bar(figure, grid[index, 3:4], width, width.label(f"std of {row.name}", row.unit))
+            bar(figure, grid[index, 3:4], width, width.label(f"std of {_bracketed(row.name)}", row.unit))
             shown = grid[index]
         elif spread:
             grid[index, 3].set_visible(False)
@@ -103,7 +103,12 @@ def comparison(view: View, rows: Sequence[Compared], caption: str = "") -> Figur
             )  # fmt: skip
             if index == 0:
                 grid[0, 1].set_title(titles[1], pad=14)
+    slab_legend(figure, view)
     return figure
+
+
+def _bracketed(name: str) -> str:
+    return f"({name})" if " " in name else name
 
 
 def _shared_scale(rows: Sequence[Compared], row: Compared) -> Scale:

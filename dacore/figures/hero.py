@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
 
 from dacore.core.arrays import Array
-from dacore.figures.slices import View, bar, outline, paint, scale
+from dacore.figures.slices import View, bar, outline, paint, scale, slab_legend
 from dacore.figures.style import DIVERGING, INK, pretty, styled
 from dacore.figures.voxels import on_slice, pixels
 
@@ -96,4 +96,5 @@ def hero(measured: Measured, hidden: Hidden, caption: str = "") -> Figure:
         axes.set(xticks=[], yticks=[])
         for spine in axes.spines.values():
             spine.set_visible(False)
+    slab_legend(figure, hidden.view)
     return figure

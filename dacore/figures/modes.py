@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from dacore.core.arrays import Array, IntArray
 from dacore.errors import ShapeError
-from dacore.figures.slices import Scale, View, bar, dress, paint, panel_height
+from dacore.figures.slices import Scale, View, bar, dress, paint, panel_height, slab_legend
 from dacore.figures.style import DIVERGING, SEQUENTIAL, WIDTH, pretty, sheet, styled
 
 
@@ -78,6 +78,7 @@ def modes(
             dress(axes, view, left=column == 0, bottom=row == len(fields) - 1)
         name = f"|{each.name}|" if vector else each.name
         bar(figure, grid[row], colours, f"{pretty(name)}, scaled  [–]")
+    slab_legend(figure, view)
     return figure
 
 

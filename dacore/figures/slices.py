@@ -10,6 +10,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from matplotlib.tri import Triangulation
 
@@ -19,6 +20,9 @@ from dacore.geometry.cut import PlaneCut
 
 # How far past the end of a colour bar values may go, in parts of its size, before the bar says so.
 _SLACK = 0.02
+
+
+_SLAB: Any = {"color": INK, "linewidth": 0.9, "linestyle": (0, (4, 2.5))}
 
 
 @dataclass(frozen=True)
@@ -76,7 +80,7 @@ class Slab:
     axis: int
     low: float
     high: float
-    label: str = "measured"
+    label: str = "measured slice"
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,7 +212,15 @@ def slabs(axes: Axes, view: View) -> None:
         line = axes.axvline if slab.axis == view.cut.axes[0] else axes.axhline
         for place in (slab.low, slab.high):
             line(place, color="white", linewidth=2.0, alpha=0.6)
-            line(place, color=INK, linewidth=0.9, linestyle=(0, (4, 2.5)))
+            line(place, **_SLAB)
+
+
+def slab_legend(figure: Figure, view: View) -> None:
+    """Say under the figure what the dashed lines are, if there are any."""
+    names = dict.fromkeys(slab.label for slab in view.slabs if slab.axis in view.cut.axes)
+    if names:
+        handles = [Line2D([], [], label=pretty(name), **_SLAB) for name in names]
+        figure.legend(handles=handles, loc="outside lower right")
 
 
 def dress(axes: Axes, view: View, left: bool, bottom: bool) -> None:
