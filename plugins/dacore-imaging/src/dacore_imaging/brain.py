@@ -1,5 +1,6 @@
 """The MNI152 brain with its ventricles, as a tetrahedral mesh."""
 
+import hashlib
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -12,7 +13,7 @@ from dacore.errors import MeshError
 from dacore.geometry.quality import Quality, check_quality, enclosed_volume, on_cavity
 from dacore.geometry.sampled import SampledLevelSet
 from dacore.geometry.stuffing import stuff
-from dacore_imaging.template import outlines
+from dacore_imaging.template import outlines, template_files
 
 LENGTH = 16.86
 """Extent [cm] from back to front: the paper's L."""
@@ -87,6 +88,13 @@ class Brain(Domain):
         check_quality(mesh, 10.0, ((1 - slack) * _TISSUE, (1 + slack) * _TISSUE), (2, 2))
         _check_cavity(-enclosed_volume(points, facets[inner]), edge)
         return mesh
+
+    def fingerprint(self) -> str:
+        """SHA-256 of the template's images."""
+        digest = hashlib.sha256()
+        for path in template_files().values():
+            digest.update(path.read_bytes())
+        return digest.hexdigest()
 
 
 def _topology(quality: Quality) -> str:
