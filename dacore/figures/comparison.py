@@ -90,7 +90,7 @@ def comparison(view: View, rows: Sequence[Compared], caption: str = "") -> Figur
         if row.deviation is not None:
             width = scale(row.deviation, signed=False, colours=SPREAD)
             paint(grid[index, 3], view, row.deviation, width)
-            bar(figure, grid[index, 3:4], width, width.label(f"std of {_bracketed(row.name)}", row.unit))
+            bar(figure, grid[index, 3:4], width, width.label("std", row.unit))
             shown = grid[index]
         elif spread:
             grid[index, 3].set_visible(False)

@@ -96,5 +96,5 @@ def hero(measured: Measured, hidden: Hidden, caption: str = "") -> Figure:
         axes.set(xticks=[], yticks=[])
         for spine in axes.spines.values():
             spine.set_visible(False)
-    slab_legend(figure, hidden.view)
+    slab_legend(truth, hidden.view, loc="upper center", bbox_to_anchor=(0.5, 0.01))
     return figure

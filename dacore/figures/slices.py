@@ -215,12 +215,12 @@ def slabs(axes: Axes, view: View) -> None:
             line(place, **_SLAB)
 
 
-def slab_legend(figure: Figure, view: View) -> None:
-    """Say under the figure what the dashed lines are, if there are any."""
+def slab_legend(where: Figure | Axes, view: View, **options: Any) -> None:
+    """Say under a figure (or in axes) what the dashed lines are, if there are any."""
     names = dict.fromkeys(slab.label for slab in view.slabs if slab.axis in view.cut.axes)
     if names:
         handles = [Line2D([], [], label=pretty(name), **_SLAB) for name in names]
-        figure.legend(handles=handles, loc="outside lower right")
+        where.legend(handles=handles, **({"loc": "outside lower center"} | options))
 
 
 def dress(axes: Axes, view: View, left: bool, bottom: bool) -> None:

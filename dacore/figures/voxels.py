@@ -88,7 +88,7 @@ def measured_slice(
         )  # fmt: skip
     if any(np.isnan(np.asarray(data)[near]).any() for data in values.values()):
         figure.legend(
-            handles=[Patch(facecolor=_MISSING, edgecolor="white", label="missing")], loc="outside lower right"
+            handles=[Patch(facecolor=_MISSING, edgecolor="white", label="missing")], loc="outside lower center"
         )  # fmt: skip
     return figure
 

@@ -249,7 +249,7 @@ def test_comparison_with_deviation_and_given_difference(view):
     panels = drawn(figure)
     assert len(panels) == 7
     assert [axes.get_title() for axes in panels[:4]][3] == "standard deviation"
-    assert bar_labels(figure)[1:3] == ["|Δu|  [cm]", "std of |u|  [cm]"]
+    assert bar_labels(figure)[1:3] == ["|Δu|  [cm]", "std  [cm]"]
     assert figure.get_suptitle() == "sagittal plane x = 2.1 cm"
     with pytest.raises(ShapeError, match="one value a point of the cut"):
         comparison(view, [Compared("p", "1", ones, ones[1:])])
