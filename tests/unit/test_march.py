@@ -143,7 +143,7 @@ def test_every_step_satisfies_the_equations_of_the_full_system(scheme, start):
 
 
 def test_responses_share_one_factorisation_and_superposition_costs_no_solve(counter):
-    model = MarchedModel(rod(), TimeGrid(0.02, 20))
+    model = MarchedModel(rod(), TimeGrid(0.02, 20), tolerance=1e-12)
     responses = model.responses(THETA)
     assert (counter.setups, counter.solves, counter.columns) == (1, 20, 60)
     for inflow in (0.0, 5.0, 7.0):
@@ -151,9 +151,9 @@ def test_responses_share_one_factorisation_and_superposition_costs_no_solve(coun
         cheap = responses.superpose(model.model.amplitudes(theta)).states
         assert counter.setups == 1
         assert counter.solves == 20
-        monolithic = MarchedModel(rod(), TimeGrid(0.02, 20)).solve(theta).states
+        monolithic = MarchedModel(rod(), TimeGrid(0.02, 20), tolerance=1e-12).solve(theta).states
         counter.setups, counter.solves = 1, 20
-        np.testing.assert_allclose(cheap, monolithic, rtol=0, atol=1e-10 * np.abs(monolithic).max())
+        np.testing.assert_allclose(cheap, monolithic, rtol=0, atol=1e-9 * np.abs(monolithic).max())
 
 
 def test_a_trajectory_needs_one_set_up_and_one_column(counter):
@@ -285,7 +285,7 @@ def test_energy_is_lost_to_seepage_alone():
         theta = THETA | {"mobility": mobility}
         start = consistent_start(model, theta, State(value, rate, np.zeros_like(value)))
         scheme = Newmark(0.25, 0.5, "newmark")
-        states = MarchedModel(model, grid, scheme, tolerance=1e-13).march(theta, start).states
+        states = MarchedModel(model, grid, scheme, tolerance=1e-12).march(theta, start).states
         old, energies, losses = start, [], []
         for column in [None, *states.T]:
             new = old if column is None else scheme.advance(old, column[:, None], grid.step)
