@@ -69,6 +69,8 @@ def test_boundary_mean_is_a_mean_over_the_surface(space):
     mean = space.boundary_mean("right", "p")
     assert mean.shape == (1, space.n_dofs)
     assert (mean @ y).item() == pytest.approx(4.5, rel=1e-12)
+    # The sides have area 2(d − 1), not 1.
+    assert (space.boundary_mean("side", "p") @ y).item() == pytest.approx(2.5, rel=1e-12)
     np.testing.assert_allclose(space.boundary_mean("left", "u") @ y, np.arange(dim) + 0.5, rtol=1e-12)
     with pytest.raises(MeshError, match="not on this mesh"):
         space.boundary_mean("neck", "p")
