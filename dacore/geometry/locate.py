@@ -77,8 +77,8 @@ class PointLocator:
         if len(missing) and outside == "raise":
             first = ", ".join(f"{value:.6g}" for value in where[missing[0]])
             raise ShapeError(
-                f"point {missing[0]} at ({first}) lies outside the mesh, as do {len(missing) - 1} others of "
-                f"{len(where)}; move them inside or leave them out"
+                f"point {missing[0]} at ({first}) lies outside the mesh ({len(missing)} of {len(where)} points do); "
+                "expected points inside: move or drop those outside"
             )
         found[missing] = -1
         barycentric = np.full((len(where), self.dim + 1), np.nan)
