@@ -52,7 +52,7 @@ class DirectSolver(LinearSolver):
     def _correct(self, residual: Array, goal: Array) -> Array:
         # Single precision has a narrow range: solve for residuals of size one.
         size = np.linalg.norm(residual, axis=0)
-        return self._factor.solve(residual / size) * size
+        return np.asarray(self._factor.solve(residual / size) * size)
 
 
 def _fit(matrix: Sparse, definite: BoolArray, ordering: Ordering | None) -> tuple[Ordering, Scatter]:

@@ -158,7 +158,7 @@ def _inverse_cholesky(matrix: Dense, front: Front, name: str) -> tuple[Dense, De
     factor, failed = potrf(np.asfortranarray(matrix), lower=1, clean=1)
     if failed:
         raise ConvergenceError(
-            f"factorisation: the block {name} of the front at dof {front.start} is not positive definite in {matrix.dtype}; "
+            f"factorisation: block {name} of the front at {front.start} is not positive definite in {matrix.dtype}; "
             "expected a nonsingular quasi-definite matrix: check boundary conditions, parameters and the signs of rows"
         )
     return factor, trtri(factor, lower=1)[0]

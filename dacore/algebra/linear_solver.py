@@ -16,9 +16,10 @@ _HISTORY = 16  # solutions kept; over the 40 steps of a cycle more of them gaine
 class LinearSolver(ABC):
     """Solves A x = b for one symmetric quasi-definite matrix and many right-hand sides.
 
-    The system is scaled to unit diagonal, D A D with D = |diag A|^(−1/2), and residuals are measured
-    there: every column satisfies ‖D(b − A x)‖ ≤ tolerance · ‖D b‖. Equations in different units then
-    count alike; the plain norm of a displacement–pressure system sees the momentum balance only.
+    The system K x = b is scaled to D K D, where D makes the diagonals of A and of C + B diag(A)⁻¹ Bᵀ
+    one, and residuals are measured there: every column satisfies ‖D(b − K x)‖ ≤ tolerance · ‖D b‖.
+    Equations in different units then count alike; the plain norm of a displacement–pressure system
+    sees the momentum balance only. C may be as small as the pressures are well determined without it.
 
     A solver remembers the span of its last few solutions and starts from the best point in it, which
     matters in time stepping. That is acceleration only: results meet the tolerance in any order of
@@ -27,7 +28,7 @@ class LinearSolver(ABC):
     Parameters
     ----------
     matrix : (n, n) csr_array
-        [[A, Bᵀ], [B, −C]] with A and C positive definite, rows in any order.
+        K = [[A, Bᵀ], [B, −C]] with A and C positive definite, rows in any order.
     definite : (n,) bool array
         True on the rows of A; all True for a positive definite matrix.
     tolerance : float
@@ -43,19 +44,12 @@ class LinearSolver(ABC):
         n = matrix.shape[0]
         if n == 0 or matrix.shape != (n, n) or definite.shape != (n,):
             raise ShapeError(
-                f"linear system: got a matrix of shape {matrix.shape} and {definite.shape} flags, expected (n, n) and (n,)"
+                f"linear system: got a matrix {matrix.shape} and flags {definite.shape}, expected (n, n) and (n,)"
             )
         if not 0.0 < tolerance < 1.0:
             raise ShapeError(f"linear system: got the tolerance {tolerance}, expected a number between 0 and 1")
-        diagonal = matrix.diagonal()
-        wrong = int((~(np.where(definite, diagonal, -diagonal) > 0.0)).sum())
-        if wrong:
-            raise ShapeError(
-                f"linear system: {wrong} of {n} diagonal entries are not positive where definite and negative elsewhere; "
-                "check boundary conditions, parameters and the signs of rows"
-            )
         matrix = canonical(matrix)
-        self._scale: Array = 1.0 / np.sqrt(np.abs(diagonal))
+        self._scale: Array = _scales(matrix, definite)
         data = matrix.data * self._scale[matrix.indices] * np.repeat(self._scale, np.diff(matrix.indptr))
         if not np.isfinite(data).all():
             raise ShapeError("linear system: the matrix holds NaN, infinite or hopelessly scaled entries")
@@ -175,3 +169,22 @@ class LinearSolver(ABC):
             keep = slice(-(_HISTORY - 1), None)
             self._directions = np.vstack([self._directions[keep], direction / left])
             self._images = np.vstack([self._images[keep], image / left])
+
+
+def _scales(matrix: Sparse, definite: BoolArray) -> Array:
+    """Scale D (n,) of rows and columns, one over the roots of the diagonals of A and C + B diag(A)⁻¹ Bᵀ."""
+    diagonal = np.asarray(matrix.diagonal(), dtype=np.float64)
+    wrong = np.where(definite, ~(diagonal > 0.0), ~(diagonal <= 0.0))
+    if not wrong.any():
+        rows = np.repeat(np.arange(len(definite)), np.diff(matrix.indptr))
+        coupling = ~definite[rows] & definite[matrix.indices]
+        # Divide before squaring: the squares of badly scaled entries may overflow.
+        shares = matrix.data[coupling] / np.sqrt(diagonal[matrix.indices[coupling]])
+        diagonal = np.abs(diagonal) + np.bincount(rows[coupling], shares**2, minlength=len(definite))
+        wrong = ~(diagonal > 0.0)
+    if wrong.any():
+        raise ShapeError(
+            f"linear system: {wrong.sum()} of {len(wrong)} rows have a diagonal of the wrong sign or are zero; expected "
+            "positive where definite, negative elsewhere: check boundary conditions, parameters and the signs of rows"
+        )
+    return np.asarray(1.0 / np.sqrt(diagonal))

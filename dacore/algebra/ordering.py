@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array, csr_matrix
+from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_bipartite_matching
 
 from dacore.core.arrays import Array, BoolArray, IntArray, Sparse
 
-_SMOOTHING_SWEEPS = 50
+_SMOOTHING_SWEEPS = 25
 _QUANTILES = (0.45, 0.5, 0.55)
 
 
@@ -36,39 +36,44 @@ class Dissection:
     parents: IntArray
 
 
-def quotient(matrix: Sparse) -> tuple[IntArray, IntArray, csr_matrix]:
-    """Merge rows with the same sparsity pattern, such as the components of a field at one node.
+def same_pattern(matrix: Sparse) -> IntArray:
+    """Group (n,) of each row; rows with the same sparsity pattern, diagonal included, share one.
+
+    The components of a field at one node do so, unless exact zeros were dropped.
+    """
+    n = matrix.shape[0]
+    # Sums of fixed pseudo-random 64-bit tags over the pattern agree where the patterns do; a false
+    # agreement (probability about n² / 2⁶⁴) would cost fill, not correctness.
+    tags = _tags(n)
+    rows = np.repeat(np.arange(n), np.diff(matrix.indptr))
+    off = rows != matrix.indices
+    sums = tags.copy()
+    np.add.at(sums, rows[off], tags[matrix.indices[off]])
+    return np.asarray(np.unique(sums, return_inverse=True)[1], dtype=np.int64).reshape(-1)
+
+
+def quotient(matrix: Sparse, group: IntArray) -> csr_matrix:
+    """Graph between groups of rows: ones where two different groups are coupled, either way.
 
     Parameters
     ----------
     matrix : (n, n) csr_array
-        Symmetric pattern; the diagonal counts as present.
+    group : (n,) int array
+        Numbers 0 to v−1, all of them used.
 
     Returns
     -------
-    group : (n,) int array
-        The vertex each row belongs to.
-    weights : (v,) int array
-        Rows in each vertex.
-    graph : (v, v) csr_matrix
-        Ones where two different vertices are coupled.
+    (v, v) csr_matrix
     """
-    n = matrix.shape[0]
-    # Two rows have the same pattern exactly when sums of pseudo-random tags over it agree; a false
-    # agreement (about n² 2^-64) would cost fill, not correctness.
-    tags = _tags(n)
-    rows = np.repeat(np.arange(n), np.diff(matrix.indptr))
-    sums = tags.copy()
-    off = rows != matrix.indices
-    np.add.at(sums, rows[off], tags[matrix.indices[off]])
-    _, group, weights = np.unique(sums, return_inverse=True, return_counts=True)
-    group = group.reshape(-1)
-    ones = np.ones(int(off.sum()), dtype=np.float64)
-    merged = csr_array((ones, (group[rows[off]], group[matrix.indices[off]])), shape=(len(weights),) * 2)
-    merged.setdiag(0.0)
-    merged.eliminate_zeros()
-    merged.data[:] = 1.0
-    return group.astype(np.int64), weights.astype(np.int64), csr_matrix(merged)
+    rows = group[np.repeat(np.arange(len(group)), np.diff(matrix.indptr))]
+    columns = group[matrix.indices]
+    off = rows != columns
+    size = int(group.max()) + 1
+    graph = csr_matrix((np.ones(int(off.sum())), (rows[off], columns[off])), shape=(size, size))
+    # Round-off leaves entries on one side of the diagonal where the other side has an exact zero.
+    graph = csr_matrix(graph + graph.T)
+    graph.data[:] = 1.0
+    return graph
 
 
 def nested_dissection(graph: csr_matrix, weights: IntArray, leaf: int) -> Dissection:

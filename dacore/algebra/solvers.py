@@ -2,6 +2,7 @@
 
 from typing import Literal
 
+from dacore.algebra.blockwise import BlockSolver
 from dacore.algebra.direct import DirectSolver
 from dacore.algebra.elimination import Ordering
 from dacore.algebra.linear_solver import LinearSolver
@@ -42,6 +43,8 @@ def make_solver(
     ConvergenceError
         If it turns out not to be quasi-definite.
     """
-    if method in ("auto", "direct", "krylov"):
+    if method == "krylov":
+        return BlockSolver(matrix, definite, tolerance)
+    if method in ("auto", "direct"):
         return DirectSolver(matrix, definite, tolerance, ordering)
     raise ShapeError(f"linear solver: got the method {method!r}, expected 'auto', 'direct' or 'krylov'")
