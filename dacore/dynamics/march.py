@@ -1,5 +1,6 @@
 """Marching an affine model in time, with one solver set-up for each parameter sample."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, final
@@ -125,23 +126,35 @@ class MarchedModel(ForwardModel):
         self._check(parameters)
         return Trajectory(self._march(parameters, self.model.amplitudes(parameters)[:, None])[0], self.times)
 
-    def responses(self, parameters: Parameters) -> Responses:
-        """Solve for every load alone, with unit amplitude and one solver set-up for all of them.
+    def responses(self, parameters: Parameters, loads: Sequence[str] | None = None) -> Responses:
+        """Solve for each load alone, with unit amplitude and one solver set-up for all of them.
 
         The loads' amplitudes in `parameters` have no influence; superpose the responses with any.
 
         Parameters
         ----------
         parameters : mapping of str to float
+        loads : sequence of str, optional
+            Names of the loads; by default all.
 
         Returns
         -------
         Responses
+
+        Raises
+        ------
+        ShapeError
+            As `solve`, or if the model has no such load.
+        ConvergenceError
+            If the linear solver fails.
         """
         self._check(parameters)
-        loads = self.model.loads
-        states = self._march(parameters, np.eye(len(loads)))
-        return Responses(tuple(load.name for load in loads), states, self.times)
+        every = [load.name for load in self.model.loads]
+        chosen = tuple(every if loads is None else loads)
+        if unknown := [name for name in chosen if name not in every]:
+            raise ShapeError(f"loads: got {', '.join(unknown)}, expected any of {', '.join(every)}")
+        states = self._march(parameters, np.eye(len(every))[:, [every.index(name) for name in chosen]])
+        return Responses(chosen, states, self.times)
 
     def march(self, parameters: Parameters, start: State) -> Trajectory:
         """Solve from a state of your own at t = 0, one column; `dacore.dynamics.static` completes smooth ones."""

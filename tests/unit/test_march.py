@@ -156,6 +156,16 @@ def test_responses_share_one_factorisation_and_superposition_costs_no_solve(coun
         np.testing.assert_allclose(cheap, monolithic, rtol=0, atol=1e-9 * np.abs(monolithic).max())
 
 
+def test_responses_of_chosen_loads(counter):
+    model = MarchedModel(rod(), TimeGrid(0.02, 5), tolerance=1e-12)
+    every, chosen = model.responses(THETA), model.responses(THETA, ["outflow", "pull"])
+    assert chosen.loads == ("outflow", "pull")
+    assert counter.columns == 5 * 3 + 5 * 2
+    np.testing.assert_allclose(chosen.states, every.states[[2, 0]], rtol=0, atol=1e-9)
+    with pytest.raises(ShapeError, match="got push, expected any of pull, inflow, outflow"):
+        model.responses(THETA, ["push"])
+
+
 def test_a_trajectory_needs_one_set_up_and_one_column(counter):
     MarchedModel(rod(), TimeGrid(0.02, 20, spin_up=5)).solve(THETA)
     assert (counter.setups, counter.solves, counter.columns) == (1, 25, 25)

@@ -9,6 +9,7 @@ import pytest
 
 from dacore.core.mesh import Mesh
 from dacore.core.timegrid import TimeGrid
+from dacore.domains.box import Box
 from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.newmark import Newmark
 from dacore.dynamics.system import StepSystem
@@ -52,7 +53,7 @@ def test_what_is_held_and_where(head, on, dim, order):
     assert p[ring].all()
     assert not p[np.setdiff1d(neck, mre)].any()
     loads = {load.name: load for load in model.loads}
-    assert list(loads) == ["pulse", "csf", "ventricles"]
+    assert list(loads) == ["pulse", "csf", "ventricles", "neck"]
     assert np.array_equal(np.flatnonzero(loads["csf"].prescribed[layout.block("p")]), mre)
     assert np.array_equal(np.flatnonzero(loads["ventricles"].prescribed[layout.block("p")]), inside)
 
@@ -85,11 +86,20 @@ def test_pulse_is_full_at_the_back_and_gone_at_the_front(head, on, dim, order):
 
 
 def test_wrong_neck_condition_is_a_load_of_its_own(head, on):
-    model = Biot(ranges={"neck_displacement": (1e-4, 1e-4)}).build(on(head()))
-    states = MarchedModel(model, GRID).solve(middle(model)).states
+    """Also where the default range of the parameter, zero, is changed after the model was built."""
+    model = Biot().build(on(head()))
+    states = MarchedModel(model, GRID).solve(middle(model) | {"neck_displacement": 1e-4}).states
     mesh, layout = model.space.discretization.mesh, model.space.layout
     for axis in range(3):
         assert np.all(states[layout.component("u", axis)][mesh.boundary_nodes("neck")] == 1e-4)
+
+
+def test_a_domain_without_ventricles(on):
+    model = Biot(ventricles="").build(on(Box(divisions=(3, 3, 3)).mesh()))
+    assert [load.name for load in model.loads] == ["pulse", "csf", "neck"]
+    assert "p_ventricles" not in model.parameters.names
+    states = MarchedModel(model, GRID, start="steady").solve(middle(model) | {"xi": 0.0}).states
+    np.testing.assert_allclose(states[model.space.layout.block("p")], 1e4, rtol=1e-8)
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,7 @@ class Biot(Physics):
     neck_displacement : float
         Value [cm] of every component of u at the neck: a wrong boundary condition to study.
     neck, ventricles, mre : str
-        Roles of the boundary.
+        Roles of the boundary. Empty `ventricles` is a domain without them; p_ventricles is then no parameter.
     ranges : mapping of str to (low, high)
         Ranges of parameters in place of the defaults; low = high fixes one. Parameters are kappa
         [cm²], E [dyn/cm²], nu, p_ventricles, p_csf and xi [dyn/cm²], density, alpha, skempton,
@@ -109,6 +109,8 @@ class Biot(Physics):
         """Names, units and ranges of the parameters."""
         every = {name: (unit, bounds) for name, (unit, bounds) in _SAMPLED.items()}
         every |= {name: (unit, (getattr(self, name),) * 2) for name, unit in _FIXED.items()}
+        if not self.ventricles:
+            del every["p_ventricles"]
         unknown = [name for name in (*self.ranges, *self.log_uniform) if name not in every]
         if unknown:
             raise ShapeError(f"Biot parameters: got {', '.join(unknown)}, expected any of {', '.join(every)}")
@@ -122,12 +124,12 @@ class Biot(Physics):
         )
 
     def build(self, discretize: Discretize) -> AffineModel:
-        """Assemble the seven matrices and three loads on a mesh.
+        """Assemble the seven matrices and the loads on a mesh.
 
         Raises
         ------
         MeshError
-            If the mesh lacks a role, or has a boundary that is none of the three.
+            If the mesh lacks a role, or has a boundary that is none of these.
         """
         mesh = discretize((biot_fields(1)[1],)).mesh
         self._check_roles(mesh)
@@ -148,13 +150,13 @@ class Biot(Physics):
         )
 
     def _check_roles(self, mesh: Mesh) -> None:
-        expected = {self.neck, self.ventricles, self.mre}
+        expected = {role for role in (self.neck, self.ventricles, self.mre) if role}
         if missing := expected - set(mesh.roles):
             raise MeshError(f"Biot: the mesh has no role {', '.join(sorted(missing))}; it has {', '.join(mesh.roles)}")
         if loose := set(mesh.roles) - expected:
             raise MeshError(
                 f"Biot: nothing is held on the boundary {', '.join(sorted(loose))}; "
-                f"expected the roles {self.neck}, {self.ventricles} and {self.mre} only"
+                f"expected the roles {', '.join(sorted(expected))} only"
             )
 
     def _held(self, discretization: Discretization) -> dict[str, BoolArray]:
@@ -166,8 +168,9 @@ class Biot(Physics):
             held["neck"][layout.component(DISPLACEMENT, axis).start + nodes] = True
         start = layout.block(PRESSURE).start
         held["csf"][start + mesh.boundary_nodes(self.mre)] = True
-        held["ventricles"][start + mesh.boundary_nodes(self.ventricles)] = True
-        held["ventricles"] &= ~held["csf"]
+        if self.ventricles:
+            held["ventricles"][start + mesh.boundary_nodes(self.ventricles)] = True
+            held["ventricles"] &= ~held["csf"]
         if self.pressure_on_neck == "csf":
             held["csf"][start + mesh.boundary_nodes(self.neck)] = True
             held["csf"] &= ~held["ventricles"]
@@ -177,11 +180,10 @@ class Biot(Physics):
         none, still = np.zeros(discretization.layout.n_dofs), Constant()
         pulse = Load("pulse", itemgetter("xi"), Sine(self.frequency), self._traction(discretization), none)
         csf = Load("csf", itemgetter("p_csf"), still, none, held["csf"].astype(np.float64))
-        ventricles = Load("ventricles", itemgetter("p_ventricles"), still, none, held["ventricles"].astype(np.float64))
-        shift = self.parameters["neck_displacement"]
-        if shift.fixed and shift.low == 0:
-            return pulse, csf, ventricles
         neck = Load("neck", itemgetter("neck_displacement"), still, none, held["neck"].astype(np.float64))
+        if not self.ventricles:
+            return pulse, csf, neck
+        ventricles = Load("ventricles", itemgetter("p_ventricles"), still, none, held["ventricles"].astype(np.float64))
         return pulse, csf, ventricles, neck
 
     def _traction(self, discretization: Discretization) -> Array:
