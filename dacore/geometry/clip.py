@@ -208,9 +208,9 @@ def _bisect(vertices: Array, low: IntArray, high: IntArray, lower: IntArray, upp
     gain = np.where(crosses, high - low + np.where(leaves, 1 << 40, 0), -1)
     axis = np.argmax(gain, axis=1)
     here = np.arange(len(axis))
-    heights = vertices[here, :, dim + 1 + axis] - plane[here, axis][:, None]
-    pieces, source = split(vertices, heights)
-    if (heights == 0).any():
+    plane = plane[here, axis]
+    pieces, source = split(vertices, axis, plane)
+    if (vertices[here, :, dim + 1 + axis] == plane[:, None]).any():
         solid = volume_fractions(pieces[:, :, : dim + 1]) > 0
         pieces, source = pieces[solid], source[solid]
     return pieces, source

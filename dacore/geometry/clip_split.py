@@ -22,16 +22,16 @@ def snap(coordinates: Array) -> Array:
     return np.where(near, whole, coordinates)
 
 
-def split(vertices: Array, heights: Array) -> tuple[Array, IntArray]:
-    """Cut each simplex by its own plane; the pieces are simplices.
+def split(vertices: Array, axis: IntArray, plane: IntArray) -> tuple[Array, IntArray]:
+    """Cut each simplex by its own grid plane; the pieces are simplices.
 
     Parameters
     ----------
     vertices : (k, d + 1, 2d + 1) array
         Each vertex's barycentric coordinates in its cell (d + 1), then its grid coordinates (d).
-    heights : (k, d + 1) array
-        Signed distance of each vertex from the simplex's plane, in any unit. Each row holds
-        positive and negative numbers.
+    axis, plane : (k,) int array
+        The plane: where the grid coordinate `axis` is `plane`. Each simplex has vertices on both
+        sides of its own.
 
     Returns
     -------
@@ -41,7 +41,9 @@ def split(vertices: Array, heights: Array) -> tuple[Array, IntArray]:
     source : (q,) int array
         The simplex each piece is cut from.
     """
-    dim = heights.shape[1] - 1
+    dim = vertices.shape[1] - 1
+    column = dim + 1 + axis
+    heights = vertices[np.arange(len(axis)), :, column] - plane[:, None]
     order = np.argsort(heights, axis=1)
     heights = np.take_along_axis(heights, order, axis=1)
     below = (heights < 0).sum(axis=1)
@@ -58,6 +60,8 @@ def split(vertices: Array, heights: Array) -> tuple[Array, IntArray]:
         # volume has two equal vertices.
         cuts = (1.0 - t) * corners[:, first] + t * corners[:, second]
         cuts[:, :, dim + 1 :] = snap(cuts[:, :, dim + 1 :])
+        # On the plane whatever the round-off, so that no piece is ever cut there again.
+        cuts[np.arange(len(rows)), :, column[rows]] = plane[rows, None]
         pool = np.concatenate([corners, cuts], axis=1)
         pieces.append(pool[:, table].reshape(-1, dim + 1, vertices.shape[2]))
         source.append(np.repeat(rows, len(table)))

@@ -193,6 +193,23 @@ def test_the_batch_changes_nothing(order):
     np.testing.assert_allclose(one.toarray(), other.toarray(), atol=1e-16)
 
 
+def test_a_thin_layer_of_a_large_cell():
+    # Round-off of coordinates as large as the cell is far larger than that of coordinates at the layer.
+    corners = 1e6 * np.array([[-0.1, -0.2, -0.6], [1.0, -0.3, -0.2], [0.1, 0.9, 0.1], [0.2, 0.2, 0.7]])
+    cell = np.arange(4)[None]
+    seen = list(clip(corners / [1e5, 1e5, 1.0], cell, np.array([-10, -10, 0]), np.array([20, 20, 1])))
+    layer = sum(one.fraction.sum() for one in seen)
+    heights = np.linspace(0, 1, 9)
+    turned = corners[:, [2, 0, 1]]
+    areas = []
+    for height in heights:
+        below, above = turned[turned[:, 0] < height], turned[turned[:, 0] >= height]
+        ends = np.array([a + (height - a[0]) / (b[0] - a[0]) * (b - a) for a in below for b in above])
+        areas.append(ConvexHull(ends[:, 1:]).volume)
+    volume = abs(np.linalg.det(corners[1:] - corners[0])) / 6
+    assert layer == pytest.approx(np.mean(areas) / volume, rel=1e-6)
+
+
 def test_memory_is_bounded_by_the_batch_not_by_the_boxes():
     corners = np.array([[0.0, 0.0, 0.0], [24.3, 0.2, 0.1], [0.3, 23.7, 0.4], [0.1, 0.2, 24.4]])
     cell = np.arange(4)[None]
@@ -212,12 +229,14 @@ def test_memory_is_bounded_by_the_batch_not_by_the_boxes():
 @pytest.mark.parametrize(("dim", "n_below"), [(2, 1), (2, 2), (3, 1), (3, 2), (3, 3)])
 def test_split_keeps_volume_and_separates_sides(dim, n_below):
     rng = np.random.default_rng(n_below)
-    corners = rng.uniform(0, 5, (20, dim + 1, dim))
     heights = rng.uniform(0.1, 1.0, (20, dim + 1))
     heights[:, :n_below] *= -1
     heights = rng.permuted(heights, axis=1)
+    corners = rng.uniform(0, 5, (20, dim + 1, dim))
+    axis, plane = rng.integers(dim, size=20), rng.integers(-4, 4, size=20)
+    corners[np.arange(20), :, axis] = plane[:, None] + heights
     unit = np.broadcast_to(np.eye(dim + 1), (20, dim + 1, dim + 1))
-    pieces, source = split(np.concatenate([unit, corners], axis=2), heights)
+    pieces, source = split(np.concatenate([unit, corners], axis=2), axis, plane)
     fractions = volume_fractions(pieces[:, :, : dim + 1])
     np.testing.assert_allclose(np.bincount(source, fractions), 1.0, rtol=1e-13)
     above = np.einsum("kvi,ki->kv", pieces[:, :, : dim + 1], heights[source])

@@ -126,9 +126,9 @@ def test_a_kernel_at_a_face_is_normalised_over_the_domain(make_space, width):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_quadrature_of_a_kernel_has_converged(make_space, dim, monkeypatch):
     # A function with kinks at cell facets: halving the pieces must not change its mean.
-    space = make_space(dim, n=4, order=2, seed=3)
+    space = make_space(dim, n=3, order=2, seed=3)
     state = space.state(u=lambda x: np.sin(4 * x))
-    sensors = [PointSensors(positions=POSITIONS[dim], width=width, components=(0,)) for width in (0.08, 0.3, 1.0)]
+    sensors = [PointSensors(positions=POSITIONS[dim][::2], width=width, components=(0,)) for width in (0.08, 0.3, 1.0)]
     values = [sensor.functionals(space)(state) for sensor in sensors]
     monkeypatch.setattr(kernel, "_RULES", tuple((limit / 2, points) for limit, points in kernel._RULES))
     finer = [sensor.functionals(space)(state) for sensor in sensors]

@@ -228,6 +228,20 @@ def test_an_affine_places_voxel_centres(make_space):
     np.testing.assert_allclose(values, found.centres @ [1.0, 2.0, 3.0], atol=1e-12)
 
 
+def test_an_oblique_affine(make_space):
+    # Voxel edges are the matrix's columns, not its rows.
+    space = make_space(3, n=4, lengths=4.0)
+    affine = np.eye(4)
+    affine[:3, :3] = TURN.T * (0.4, 0.6, 0.9)
+    affine[:3, 3] = 2.0 - affine[:3, :3] @ (1.5, 1.0, 0.5)
+    found = Voxels(field="p", affine=affine.tolist(), shape=(4, 3, 2), outside="error", coverage=1.0).functionals(space)
+    numbers = np.stack(np.unravel_index(np.arange(24), (4, 3, 2)), axis=1)
+    np.testing.assert_allclose(found.centres, numbers @ affine[:3, :3].T + affine[:3, 3], atol=1e-12)
+    assert found.spacing == pytest.approx((0.4, 0.6, 0.9))
+    values = found(space.state(p=lambda x: x @ [1.0, 2.0, 3.0]))
+    np.testing.assert_allclose(values, found.centres @ [1.0, 2.0, 3.0], atol=1e-12)
+
+
 def test_a_field_of_view_counts_or_names_what_lies_outside(make_space):
     space = make_space(2, n=3, lengths=3.0)
     view = {"field": "p", "size": 1.0, "origin": (1.0, 1.0), "shape": (4, 3)}

@@ -19,7 +19,7 @@ TRUNCATION = 5.0
 
 # Diameter of a piece in standard deviations, and points an axis that integrate the kernel on it to about 1e-7.
 _RULES = ((0.15, 2), (0.6, 3), (1.2, 4))
-_POINTS = 1 << 18
+_POINTS = 1 << 16
 
 
 def kernel_means(
@@ -47,29 +47,24 @@ def kernel_means(
     corners = geometry.points[geometry.cells]
     middles = corners.mean(axis=1)
     radii = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
-    gradients, volumes = barycentric_gradients(geometry.points, geometry.cells)
     radius = TRUNCATION * width
     rows, columns, values = [], [], []
     for row, centre in enumerate(centres):
         near = np.flatnonzero(np.linalg.norm(middles - centre, axis=1) < radius + radii)
-        scaled = (corners[near] - centre) / width
-        owner, pieces = _pieces(scaled)
+        gradients, volumes = barycentric_gradients(geometry.points, geometry.cells[near])
         local = np.zeros((len(near), nodes.shape[1]))
         mass = 0.0
-        for cell, barycentric, weight in _quadrature(scaled, owner, pieces):
-            place = np.einsum("qi,qid->qd", barycentric, scaled[cell])
-            square = np.einsum("qd,qd->q", place, place)
-            inside = np.flatnonzero(square < TRUNCATION**2)
-            cell, barycentric = cell[inside], barycentric[inside]
-            mean = weight[inside] * np.abs(volumes[near[cell]]) * np.exp(-0.5 * square[inside])
+        for cell, barycentric, weight in _quadrature((corners[near] - centre) / width):
+            mean = weight * np.abs(volumes[cell])[:, None]
             mass += float(mean.sum())
             if derivative is None:
                 basis = lagrange(order, barycentric)
             else:
-                slope = gradients[near[cell], :, derivative]
-                basis = np.einsum("qni,qi->qn", lagrange_gradient(order, barycentric), slope)
-            for k in range(basis.shape[1]):
-                local[:, k] += np.bincount(cell, mean * basis[:, k], minlength=len(near))
+                slope = gradients[cell, :, derivative]
+                basis = np.einsum("kqni,ki->kqn", lagrange_gradient(order, barycentric), slope)
+            parts = (mean[:, None] @ basis)[:, 0]
+            for k in range(parts.shape[1]):
+                local[:, k] += np.bincount(cell, parts[:, k], minlength=len(near))
         used = local.any(axis=1)
         values.append((local[used] / mass).ravel())
         columns.append(nodes[near[used]].ravel())
@@ -78,7 +73,7 @@ def kernel_means(
     return csr_array(coo_array(entries, shape=(len(centres), int(nodes.max()) + 1)))
 
 
-def _pieces(corners: Array) -> tuple[IntArray, Array]:
+def _pieces(corners: Array) -> tuple[IntArray, Array, Array]:
     """Bisect simplices at their longest edges until each is small against the kernel.
 
     Parameters
@@ -92,12 +87,13 @@ def _pieces(corners: Array) -> tuple[IntArray, Array]:
         The simplex each piece lies in.
     pieces : (k, d + 1, d + 1) array
         Barycentric coordinates of its vertices. Pieces beyond the kernel's end are left out.
+    diameter : (k,) array
     """
     size = corners.shape[1]
     edges = np.array(list(combinations(range(size), 2)))
     owner = np.arange(len(corners))
     pieces = np.broadcast_to(np.eye(size), (len(corners), size, size))
-    owners, done = [], []
+    owners, done, diameters = [], [], []
     while len(owner):
         vertices = pieces @ corners[owner]
         middles = vertices.mean(axis=1)
@@ -105,9 +101,11 @@ def _pieces(corners: Array) -> tuple[IntArray, Array]:
         near = np.linalg.norm(middles, axis=1) < TRUNCATION + radii
         owner, pieces, vertices = owner[near], pieces[near], vertices[near]
         lengths = np.linalg.norm(vertices[:, edges[:, 0]] - vertices[:, edges[:, 1]], axis=2)
-        small = lengths.max(axis=1) <= _RULES[-1][0]
+        diameter = lengths.max(axis=1)
+        small = diameter <= _RULES[-1][0]
         owners.append(owner[small])
         done.append(pieces[small])
+        diameters.append(diameter[small])
         owner, pieces, longest = owner[~small], pieces[~small], edges[lengths[~small].argmax(axis=1)]
         here = np.arange(len(owner))
         middle = 0.5 * (pieces[here, longest[:, 0]] + pieces[here, longest[:, 1]])
@@ -115,24 +113,28 @@ def _pieces(corners: Array) -> tuple[IntArray, Array]:
         for half, end in zip(halves, longest.T, strict=True):
             half[here, end] = middle
         owner, pieces = np.tile(owner, 2), np.concatenate(halves)
-    return np.concatenate(owners), np.concatenate(done)
+    return np.concatenate(owners), np.concatenate(done), np.concatenate(diameters)
 
 
-def _quadrature(corners: Array, owner: IntArray, pieces: Array) -> Iterator[tuple[IntArray, Array, Array]]:
-    """Quadrature points on pieces, more of them on larger ones, in portions.
+def _quadrature(corners: Array) -> Iterator[tuple[IntArray, Array, Array]]:
+    """Quadrature points with the kernel's weight on pieces of simplices, in portions.
+
+    Parameters
+    ----------
+    corners : (c, d + 1, d) array
+        In standard deviations, the kernel's centre at zero.
 
     Yields
     ------
-    cell : (q,) int array
-        The simplex each point lies in.
-    barycentric : (q, d + 1) array
-    weight : (q,) array
-        Relative to the volume of the simplex.
+    owner : (k,) int array
+        The simplex each piece lies in.
+    barycentric : (k, q, d + 1) array
+        Points in that simplex; larger pieces have more of them.
+    weight : (k, q) array
+        Quadrature weight relative to the volume of the simplex, times the kernel.
     """
     size = corners.shape[1]
-    vertices = pieces @ corners[owner]
-    pairs = np.array(list(combinations(range(size), 2)))
-    diameter = np.linalg.norm(vertices[:, pairs[:, 0]] - vertices[:, pairs[:, 1]], axis=2).max(axis=1)
+    owner, pieces, diameter = _pieces(corners)
     kind = np.searchsorted([limit for limit, _ in _RULES[:-1]], diameter)
     for number, (_, per_axis) in enumerate(_RULES):
         places, weights = _rule(size - 1, per_axis)
@@ -140,9 +142,10 @@ def _quadrature(corners: Array, owner: IntArray, pieces: Array) -> Iterator[tupl
         step = max(1, _POINTS // len(weights))
         for start in range(0, len(chosen), step):
             part = chosen[start : start + step]
-            barycentric = (places @ pieces[part]).reshape(-1, size)
-            weight = volume_fractions(pieces[part])[:, None] * weights
-            yield np.repeat(owner[part], len(weights)), barycentric, weight.ravel()
+            offsets = places @ (pieces[part] @ corners[owner[part]])
+            square = (offsets * offsets).sum(axis=2)
+            gauss = np.where(square < TRUNCATION**2, np.exp(-0.5 * square), 0.0)
+            yield owner[part], places @ pieces[part], volume_fractions(pieces[part])[:, None] * weights * gauss
 
 
 @cache
