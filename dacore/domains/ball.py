@@ -52,10 +52,10 @@ class Ball(Domain):
         if len(self.cavity_offset) != 3 or not np.isfinite(self.cavity_offset).all():
             raise MeshError(f"ball cavity_offset: got {self.cavity_offset}, expected three lengths in cm")
         wall = self.radius - self.cavity_radius - float(np.linalg.norm(self.cavity_offset))
-        if wall < 0.5 * self.edge:
+        if wall < self.edge:
             raise MeshError(
-                f"ball: the wall round the cavity is {wall:.3g} cm thin, expected at least half an edge "
-                f"({0.5 * self.edge:g} cm); use a smaller cavity, offset or edge"
+                f"ball: the wall round the cavity is {wall:.3g} cm thin, expected at least one edge "
+                f"({self.edge:g} cm); use a smaller cavity, offset or edge"
             )
         if self.cavity_radius < 0.5 * self.edge:
             raise MeshError(

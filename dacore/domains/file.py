@@ -70,6 +70,14 @@ class MeshFile(Domain):
 
     def mesh(self) -> Mesh:
         """Read the file and make the mesh [cm]; MeshError if it cannot serve."""
+        try:
+            return self._read()
+        except MeshError as error:
+            if str(self.path) in str(error):
+                raise
+            raise MeshError(f"{self.path}: {error}") from error
+
+    def _read(self) -> Mesh:
         raw = read_raw(Path(self.path))
         dim = self._dimension(raw)
         cell_kind, facet_kind = {2: ("triangle", "line"), 3: ("tetra", "triangle")}[dim]
@@ -93,10 +101,7 @@ class MeshFile(Domain):
             numbered[np.isin(tags, values)] = number[role]
         named = numbered > 0
         points, cells, facets = self._used(points, cells, facets[named])
-        try:
-            return Mesh(points, cells, facets, numbered[named], number)
-        except MeshError as error:
-            raise MeshError(f"{self.path}: {error}") from error
+        return Mesh(points, cells, facets, numbered[named], number)
 
     def fingerprint(self) -> str:
         """SHA-256 of the file, and of the HDF5 or binary files that an XDMF file names."""

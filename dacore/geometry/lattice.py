@@ -15,6 +15,7 @@ from itertools import product
 import numpy as np
 
 from dacore.core.arrays import Array, BoolArray, IntArray
+from dacore.errors import MeshError
 
 LevelSet = Callable[[Array], Array]
 
@@ -132,6 +133,11 @@ def lattice_tetrahedra(tree: Octree, reach: LevelSet) -> tuple[Array, IntArray]:
     points : (n, 3) array [cm]
     cells : (c, 4) int array
         Positively oriented.
+
+    Raises
+    ------
+    MeshError
+        If every leaf is left out.
     """
     corners, pieces = [], []
     extent = (np.array(tree.shape, dtype=np.int64) << (tree.depth + 1)) + 1
@@ -150,6 +156,8 @@ def lattice_tetrahedra(tree: Octree, reach: LevelSet) -> tuple[Array, IntArray]:
         near = reach(tree.centres(level, cells)) < 1.5 * tree.edge / 2**level
         for axis in range(3):
             pieces += _around_faces(tree, level, cells[near], axis, code, corner_codes)
+    if not pieces:
+        raise MeshError("no lattice point lies inside the level set")
     tets = np.concatenate(pieces)
     codes, cells = np.unique(tets, return_inverse=True)
     cells = cells.reshape(tets.shape).astype(np.int64)

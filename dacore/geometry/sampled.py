@@ -44,14 +44,15 @@ def smooth_distance(mask: BoolArray, sigma: float, level: float = 0.5) -> Array:
 
     The mask blurred by a Gaussian is Φ(−d/σ) at distance d from a flat outline, so −σ Φ⁻¹ of the
     blurred mask is the signed distance there, far more exact than distances between samples. Where
-    the blur has died out, distances between samples continue it.
+    the blur has died out, distances between samples continue it. A sphere's outline of radius r moves
+    inwards by σ²/r.
 
     Parameters
     ----------
     mask : (a, b, c) bool array
         True inside.
     sigma : float
-        Width of the Gaussian in samples.
+        Width of the Gaussian in samples, at least 1.
     level : float
         Value of the blurred mask on the outline.
 
@@ -61,7 +62,9 @@ def smooth_distance(mask: BoolArray, sigma: float, level: float = 0.5) -> Array:
         Negative inside.
     """
     blurred = gaussian_filter(mask.astype(np.float32), sigma, mode="nearest").astype(np.float64)
-    near = -sigma * (ndtri(np.clip(blurred, _TAIL, 1.0 - _TAIL)) - ndtri(level))
+    # The sum over samples is that of a Gaussian narrower by the variance of a sample's width.
+    width = np.sqrt(sigma**2 - 1.0 / 12.0)
+    near = -width * (ndtri(np.clip(blurred, _TAIL, 1.0 - _TAIL)) - ndtri(level))
     far = distance_transform_edt(~mask) - distance_transform_edt(mask)
     dead = (blurred < 10.0 * _TAIL) | (blurred > 1.0 - 10.0 * _TAIL)
     return np.asarray(np.where(dead & (np.abs(far) > np.abs(near)), far, near), dtype=np.float64)

@@ -74,14 +74,21 @@ def stuff(
         raise MeshError(f"mesh edge: got {edge} cm, expected a positive length")
     shape = tuple(int(n) for n in np.ceil((np.asarray(upper) - lower) / edge).astype(int) + 3)
     offset = np.array([1.0, 1.0, 0.0 if floor else 1.0])
+
+    def checked(points: Array) -> Array:
+        value = np.asarray(level_set(points), dtype=np.float64)
+        if value.shape != (len(points),) or not np.isfinite(value).all():
+            raise MeshError("the level set must give one finite number a point, got another shape, NaN or infinity")
+        return value
+
     reasons: dict[str, None] = {}
     for attempt in range(attempts):
         origin = np.asarray(lower, dtype=np.float64) - edge * offset * (1.0 + _shift(attempt))
         tree = octree(origin, edge, (shape[0], shape[1], shape[2]), sizing)
         try:
-            points, cells = _fill(level_set, *lattice_tetrahedra(tree, level_set), origin[2])
+            points, cells = _fill(checked, *lattice_tetrahedra(tree, checked), origin[2])
             check_manifold(exterior_facets(cells))
-            points = polish(level_set, points, cells, floor & (points[:, 2] == origin[2]))
+            points = polish(checked, points, cells, floor & (points[:, 2] == origin[2]))
             found = measure(points, cells)
         except MeshError as error:
             reasons[str(error)] = None
@@ -107,9 +114,7 @@ def _shift(attempt: int) -> Array:
 
 def _fill(level_set: LevelSet, points: Array, cells: IntArray, bottom: float) -> tuple[Array, IntArray]:
     """Warp, cut and keep what lies inside; `bottom` is the lowest z of the lattice."""
-    value = np.array(level_set(points), dtype=np.float64)
-    if not np.isfinite(value).all():
-        raise MeshError("the level set is NaN or infinite somewhere in the box")
+    value = level_set(points).copy()
     value[np.abs(value) < 1e-9 * np.ptp(points, axis=0).max()] = 0.0
     cells = cells[(value[cells] < 0.0).any(axis=1)]
     if len(cells) == 0:
