@@ -4,6 +4,7 @@ import numpy as np
 from dacore.algebra.compress import compress
 from dacore.core.background import Background
 from dacore.core.fields import Field, Layout
+from dacore.core.model import Trajectory
 from dacore.core.observation import Functionals
 from dacore.core.parameters import Parameter, ParameterSpace
 from dacore.core.space import StateSpace
@@ -47,10 +48,10 @@ def random_background(rng, space, samples=12, steps=5, decay=0.6, tolerance=1e-1
     modes = rng.standard_normal((space.n_dofs, rank)) * decay ** np.arange(rank)
     mean = rng.standard_normal((space.n_dofs, steps))
     weights = rng.standard_normal((rank, steps, samples))
-    trajectories = [mean + modes @ weights[:, :, k] for k in range(samples)]
-    parameters = ParameterSpace((Parameter("a", "1", 0.0, 1.0),))
     times = np.arange(1.0, steps + 1)
-    return compress(space, trajectories, times, parameters, rng.random((samples, 1)), tolerance)
+    trajectories = [Trajectory(mean + modes @ weights[:, :, k], times) for k in range(samples)]
+    parameters = ParameterSpace((Parameter("a", "1", 0.0, 1.0),))
+    return compress(space, trajectories, parameters, rng.random((samples, 1)), tolerance)
 
 
 def random_functionals(rng, space, m=11) -> Functionals:

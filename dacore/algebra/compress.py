@@ -1,24 +1,24 @@
-"""From training trajectories to a Background: one POD for each field."""
+"""From training trajectories to a Background: one POD for each field, the data read in passes."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from dacore.algebra.pod import pod
+from dacore.algebra.hapod import hapod
 from dacore.core.arrays import Array
 from dacore.core.background import Background
+from dacore.core.model import Trajectory
 from dacore.core.parameters import ParameterSpace
 from dacore.core.space import Product, StateSpace
-from dacore.errors import ShapeError
+from dacore.errors import AccuracyError, ShapeError
 
 
 def compress(
     space: StateSpace,
-    trajectories: Sequence[Array],
-    times: Array,
+    trajectories: Sequence[Trajectory],
     parameters: ParameterSpace,
     samples: Array,
-    tolerance: float = 1e-7,
+    tolerance: float = 1e-6,
     kind: Product = "l2",
 ) -> Background:
     """Compress training trajectories field by field.
@@ -29,25 +29,46 @@ def compress(
     Parameters
     ----------
     space : StateSpace
-    trajectories : K arrays (n_dofs, t)
-    times : (t,) array [s]
+    trajectories : sequence of K Trajectory
+        Read one at a time, once for each field and once more for the coefficients; never all held.
     parameters : ParameterSpace
     samples : (K, n_parameters) array
     tolerance : float
-        Relative mean-square error of each field.
+        Relative mean-square error of each field, checked on all the data.
     kind : {"l2", "h1"}
+
+    Raises
+    ------
+    AccuracyError
+        If the compression misses its tolerance.
     """
-    if not trajectories:
+    if len(trajectories) == 0:
         raise ShapeError("training: got no trajectory, expected at least one")
-    bases, parts, reached = {}, [], {}
+    times = trajectories[0].times
+    count = len(times) * len(trajectories)
+    bases = {}
     for field in space.fields:
         block = space.layout.block(field.name)
-        data = np.concatenate([trajectory[block] for trajectory in trajectories], axis=1)
-        basis = pod(data, space.field_product(field.name, kind), tolerance)
-        coefficients = basis.project(data)
-        total = float(np.einsum("ij,ij->", data, basis.product @ data))
-        reached[field.name] = float(np.sqrt(max(1.0 - (coefficients**2).sum() / total, 0.0)))
-        bases[field.name] = basis
-        parts.append(coefficients.reshape(basis.dimension, len(trajectories), -1).swapaxes(1, 2))
-    return Background(space, bases, np.concatenate(parts), times, parameters, samples, kind, reached)
-
+        stream = (trajectory.states[block] for trajectory in trajectories)
+        bases[field.name] = hapod(stream, space.field_product(field.name, kind), tolerance, count)
+    coefficients = np.empty((sum(basis.dimension for basis in bases.values()), len(times), len(trajectories)))
+    totals = dict.fromkeys(bases, 0.0)
+    left = dict.fromkeys(bases, 0.0)
+    for k, trajectory in enumerate(trajectories):
+        start = 0
+        for name, basis in bases.items():
+            data = trajectory.states[space.layout.block(name)]
+            part = basis.project(data)
+            residual = data - basis.lift(part)
+            totals[name] += float(np.einsum("ij,ij->", data, basis.product @ data))
+            left[name] += float(np.einsum("ij,ij->", residual, basis.product @ residual))
+            coefficients[start : start + basis.dimension, :, k] = part
+            start += basis.dimension
+    reached = {name: float(np.sqrt(left[name] / totals[name])) for name in bases}
+    for name, error in reached.items():
+        if error > 1.05 * tolerance:
+            raise AccuracyError(
+                f"compression of {name}: {bases[name].dimension} modes leave {error:.1e}, expected {tolerance:.1e}; "
+                "raise training.tolerance"
+            )
+    return Background(space, bases, coefficients, times, parameters, samples, kind, reached)

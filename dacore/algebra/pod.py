@@ -42,69 +42,66 @@ def pod(snapshots: Array, product: Sparse, tolerance: float = 0.0, max_rank: int
     AccuracyError
         If the modes miss the tolerance for another reason than `max_rank`.
     """
+    basis, values = modes_of(snapshots, product, tolerance, max_rank)
+    return ReducedSpace(basis, values, product)
+
+
+def modes_of(
+    snapshots: Array, product: Sparse, tolerance: float = 0.0, max_rank: int | None = None
+) -> tuple[Array, Array]:
+    """Modes (n_dofs, r) and singular values (r,) of `pod`, without the check of a `ReducedSpace`."""
     n, count = snapshots.shape
     if product.shape != (n, n):
         raise ShapeError(f"inner product: got shape {product.shape}, expected {(n, n)}")
     if count == 0 or not np.isfinite(snapshots).all():
         raise ShapeError(f"snapshots: got {count} columns, expected at least one and finite values only")
-    weighted = product @ snapshots
-    total = float(np.einsum("ij,ij->", snapshots, weighted))
+    residual, weighted = snapshots, product @ snapshots
+    total = float(np.einsum("ij,ij->", residual, weighted))
     if not total > 0:
         raise ShapeError("snapshots: all are zero; nothing to decompose")
     limit = min(n, count, max_rank if max_rank is not None else count)
     target = max(tolerance, 1e-14) * np.sqrt(total)
-    basis = np.zeros((n, 0))
-    values = np.zeros(0)
-    residual = snapshots
+    left = np.sqrt(total)
+    basis = weighted_basis = np.zeros((n, 0))
+    coefficients = np.zeros((0, count))
     for _ in range(MAX_PASSES):
-        left = _residual_norm(residual, weighted)
-        if left <= target or basis.shape[1] >= limit:
-            break
-        modes, found = _one_pass(residual, weighted, target, limit - basis.shape[1])
+        modes = _one_pass(residual, weighted, target, limit - basis.shape[1])
         if modes.shape[1] == 0:
             break
-        basis = _orthonormalise(basis, modes, product)
-        values = np.append(values, found)
-        residual = snapshots - basis @ (basis.T @ (product @ snapshots))
-        weighted = product @ residual
-    reached = _residual_norm(residual, weighted)
-    if tolerance > 0 and basis.shape[1] < limit and reached > 1.01 * target:
+        modes, weighted_modes = _orthonormalise(basis, weighted_basis, modes, product)
+        found = modes.T @ weighted
+        basis = np.concatenate([basis, modes], axis=1)
+        weighted_basis = np.concatenate([weighted_basis, weighted_modes], axis=1)
+        coefficients = np.concatenate([coefficients, found])
+        left = np.sqrt(max(float(np.einsum("ij,ij->", residual, weighted)) - float((found**2).sum()), 0.0))
+        if left <= target or basis.shape[1] >= limit:
+            break
+        residual, weighted = residual - modes @ found, weighted - weighted_modes @ found
+    if tolerance > 0 and basis.shape[1] < limit and left > 1.01 * target:
         raise AccuracyError(
-            f"POD: {basis.shape[1]} modes leave a relative error of {reached / np.sqrt(total):.1e}, "
+            f"POD: {basis.shape[1]} modes leave a relative error of {left / np.sqrt(total):.1e}, "
             f"expected {tolerance:.1e}; raise the tolerance"
         )
-    basis, values = _rotate(basis, snapshots, product)
-    return ReducedSpace(basis, values, product)
+    # Rotate to the principal axes of the projected snapshots, largest first.
+    vectors, values, _ = np.linalg.svd(coefficients, full_matrices=False)
+    return np.asarray(basis @ vectors), values
 
 
-def _residual_norm(residual: Array, weighted: Array) -> float:
-    return float(np.sqrt(max(np.einsum("ij,ij->", residual, weighted), 0.0)))
-
-
-def _one_pass(residual: Array, weighted: Array, target: float, limit: int) -> tuple[Array, Array]:
-    """Modes whose singular value the Gram matrix resolves, and their singular values."""
+def _one_pass(residual: Array, weighted: Array, target: float, limit: int) -> Array:
+    """Modes whose singular value the Gram matrix resolves, as many as the target needs."""
     squares, vectors = eigh(residual.T @ weighted, check_finite=False, driver="evd")
     squares, vectors = squares[::-1], vectors[:, ::-1]
-    tail = np.sqrt(np.maximum(np.append(np.cumsum(np.maximum(squares, 0)[::-1])[::-1], 0.0), 0.0))
+    tail = np.sqrt(np.append(np.cumsum(np.maximum(squares, 0)[::-1])[::-1], 0.0))
     wanted = int(np.argmax(tail <= 0.99 * target))
     resolved = int((squares > PASS_DEPTH**2 * squares[0]).sum())
     n = min(wanted, resolved, limit)
-    values = np.sqrt(squares[:n])
-    return residual @ (vectors[:, :n] / values), values
+    return np.asarray(residual @ (vectors[:, :n] / np.sqrt(squares[:n])))
 
 
-def _orthonormalise(basis: Array, modes: Array, product: Sparse) -> Array:
-    """Append `modes` to an orthonormal basis: block Gram–Schmidt with Cholesky, twice."""
+def _orthonormalise(basis: Array, weighted_basis: Array, modes: Array, product: Sparse) -> tuple[Array, Array]:
+    """Make `modes` orthonormal, and orthogonal to an orthonormal basis: Gram–Schmidt by blocks, twice."""
     for _ in range(2):
-        modes = modes - basis @ (basis.T @ (product @ modes))
+        modes = modes - basis @ (weighted_basis.T @ modes)
         factor = cholesky(modes.T @ (product @ modes), lower=False)
         modes = solve_triangular(factor, modes.T, trans="T", lower=False).T
-    return np.concatenate([basis, modes], axis=1)
-
-
-def _rotate(basis: Array, snapshots: Array, product: Sparse) -> tuple[Array, Array]:
-    """Rotate the basis to the principal axes of the projected snapshots, largest first."""
-    coefficients = basis.T @ (product @ snapshots)
-    vectors, values, _ = np.linalg.svd(coefficients, full_matrices=False)
-    rotated = basis @ vectors
-    return _orthonormalise(rotated[:, :0], rotated, product) if rotated.shape[1] else rotated, values
+    return modes, np.asarray(product @ modes)

@@ -15,13 +15,16 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
-from rich.table import Table
+from rich.table import Table as RichTable
+from rich.text import Text
 
 from dacore.pipeline.runner import PlannedStage
 from dacore.plugins.registry import Row
+from dacore.workflow.report_parts import Cell
 from dacore.workflow.run import Finished
 from dacore.workflow.stages import ProgressBoard
 
+TONE_STYLE = {"": "", "best": "bold green", "bad": "red", "muted": "dim"}
 STATUS_STYLE = {"run": "bold", "resume": "bold", "cached": "green", "skipped": "dim"}
 
 
@@ -62,14 +65,20 @@ class RichBoard(ProgressBoard):
     def summary(self, finished: Finished) -> None:
         """Print the errors and where the results are."""
         for table in finished.tables:
-            shown = Table(title=table.title, title_justify="left", title_style="bold", caption=table.note or None)
+            shown = RichTable(title=table.caption, title_justify="left", title_style="bold", caption=table.note or None)
             for k, header in enumerate(table.headers):
                 shown.add_column(header, justify="left" if k == 0 else "right", overflow="fold")
             for row in table.rows:
-                shown.add_row(*row)
+                shown.add_row(*(_cell(cell) for cell in row))
             self.console.print(shown)
         for path in finished.files:
             self.console.print(f"  {path}", highlight=False, soft_wrap=True)
+
+
+def _cell(cell: str | Cell) -> Text:
+    if isinstance(cell, str):
+        return Text(cell)
+    return Text(cell.text, style=TONE_STYLE[cell.tone])
 
 
 class _Meter:
@@ -84,7 +93,7 @@ class _Meter:
 
 def print_plan(rows: Sequence[PlannedStage]) -> None:
     """Print a plan as a table."""
-    table = Table(title="plan", title_justify="left")
+    table = RichTable(title="plan", title_justify="left")
     for header in ("stage", "", "why", "what"):
         table.add_column(header)
     for row in rows:
@@ -94,7 +103,7 @@ def print_plan(rows: Sequence[PlannedStage]) -> None:
 
 def print_plugins(rows: Sequence[Row]) -> None:
     """Print installed plugins as a table."""
-    table = Table(title="plugins", title_justify="left")
+    table = RichTable(title="plugins", title_justify="left")
     for header in ("kind", "name", "status", "from", "what"):
         table.add_column(header, overflow="fold")
     for row in rows:

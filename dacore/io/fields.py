@@ -1,11 +1,11 @@
 """Fields for ParaView: states of a finite element space as VTU snapshots and XDMF time series."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from dacore.core.arrays import Array
+from dacore.core.arrays import Array, IntArray
 from dacore.core.space import StateSpace
 from dacore.errors import StoreError
 from dacore.io.atomic import atomic_path
@@ -71,7 +71,7 @@ def write_series(space: StateSpace, series: Mapping[str, Array], times: Array, p
         raise StoreError(f"{path}: cannot be written ({error}); is the disk full or read-only?") from error
 
 
-def _mesh(space: StateSpace) -> tuple[Array, Sequence[tuple[str, Array]]]:
+def _mesh(space: StateSpace) -> tuple[Array, list[tuple[str, IntArray]]]:
     geometry = space.cells()
     points = np.pad(geometry.points, ((0, 0), (0, 3 - geometry.points.shape[1])))
     return points, [("tetra" if geometry.cells.shape[1] == 4 else "triangle", geometry.cells)]

@@ -24,8 +24,7 @@ def read_mesh_cache(path: Path) -> Mesh:
     """Read a mesh; StoreError if the file is damaged."""
     try:
         with np.load(path) as file:
-            arrays = [file[name] for name in ("points", "cells", "facets", "facet_tags")]
             roles = json.loads(str(file["roles"]))
-        return Mesh(*arrays, roles)
+            return Mesh(file["points"], file["cells"], file["facets"], file["facet_tags"], roles)
     except (OSError, KeyError, ValueError, BadZipFile, DacoreError) as error:
         raise StoreError(f"{path}: damaged ({error}); delete it and run again") from error

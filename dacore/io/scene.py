@@ -72,7 +72,7 @@ class Training(Table):
     samples: Annotated[int, Field(ge=2)] = 64
     sampling: Literal["uniform", "latin_hypercube", "sobol"] = "uniform"
     seed: Annotated[int, Field(ge=0)] = 1
-    tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-7
+    tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-6
     product: Literal["l2", "h1"] = "l2"
 
 
@@ -107,8 +107,9 @@ class Validation(Table):
 
 
 class Views(Table):
-    """``[report]``: where the pictures are cut [cm] and when [s]."""
+    """``[report]``: where the pictures are cut [cm] and when [s], and whether the axes are those of a head."""
 
+    anatomical: bool = False
     plane: Literal["x", "y", "z"] = "x"
     position: float | None = None
     measured_time: Positive | None = None

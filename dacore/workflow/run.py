@@ -9,9 +9,9 @@ from dacore.io.scene import read_scene
 from dacore.pipeline.runner import PlannedStage, Runner
 from dacore.workflow.build import Builder
 from dacore.workflow.machine import usable_cores
+from dacore.workflow.report_parts import Table
 from dacore.workflow.results import summarise, write_json
 from dacore.workflow.stages import ProgressBoard, scene_pipeline, targets
-from dacore.workflow.tables import ResultTable, error_table
 
 
 @dataclass(frozen=True)
@@ -20,12 +20,12 @@ class Finished:
 
     Parameters
     ----------
-    tables : tuple of ResultTable
+    tables : tuple of Table
     files : tuple of Path
     seconds : float
     """
 
-    tables: tuple[ResultTable, ...]
+    tables: tuple[Table, ...]
     files: tuple[Path, ...]
     seconds: float
 
@@ -55,6 +55,9 @@ def run_scene(
     board : ProgressBoard, optional
     """
     started = time.perf_counter()
+    # Drawing needs matplotlib; a plan does not.
+    from dacore.workflow.output import publish, tables
+
     builder = Builder(read_scene(path, changes), str(path), path.parent)
     builder.check()
     board = board or ProgressBoard()
@@ -62,12 +65,14 @@ def run_scene(
     runner = Runner(pipeline, cache or out / "cache", board.stage)
     for target in targets(builder):
         runner[target]
-    files = []
+    summary = summarise(builder, runner, time.perf_counter() - started)
     results = out / "results.json"
-    write_json(summarise(builder, runner, time.perf_counter() - started), results)
-    files.append(results)
-    tables = tuple(error_table(builder, runner["validation"], level) for level in builder.scene.noise.levels)
-    return Finished(tables, tuple(files), time.perf_counter() - started)
+    write_json(summary, results)
+    text = path.read_text(encoding="utf-8") + "".join(f"\n# --set {change}" for change in changes)
+    board.stage("report", "start")
+    files = publish(builder, runner, out, summary, text)
+    board.stage("report", "done")
+    return Finished(tuple(tables(builder, runner)), (*files, results), time.perf_counter() - started)
 
 
 def plan_scene(path: Path, changes: Sequence[str], out: Path, cache: Path | None = None) -> list[PlannedStage]:

@@ -94,11 +94,10 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
 
     def make_background(results: Results, _: Path) -> Any:
         training: TrajectorySet = results["training"]
-        states = [trajectory.states for trajectory in training]
-        model = results["model"]
+        settings = scene.training
         return compress(
-            model.space, states, model.times, results["parameters"], training.samples,
-            scene.training.tolerance, scene.training.product,
+            results["model"].space, training, results["parameters"], training.samples, settings.tolerance,
+            settings.product,
         )  # fmt: skip
 
     def make_prepared(name: str) -> Any:

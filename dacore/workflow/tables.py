@@ -1,28 +1,13 @@
 """Tables of a run, for the terminal and the report alike."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+import numpy as np
+
+from dacore.studies.refinement import Refinement
 from dacore.studies.validation import PRIOR, Outcome, Validation
 from dacore.workflow.build import Builder
-
-
-@dataclass(frozen=True)
-class ResultTable:
-    """Headers and rows of text.
-
-    Parameters
-    ----------
-    title : str
-    headers : tuple of str
-    rows : tuple of tuple of str
-    note : str
-    """
-
-    title: str
-    headers: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    note: str = ""
+from dacore.workflow.report_parts import Cell, Table, Tone
 
 
 def percent(value: float) -> str:
@@ -33,34 +18,73 @@ def percent(value: float) -> str:
     return f"{scaled:.2g}%" if scaled < 100 else f"{scaled:.0f}%"
 
 
+def noise_name(level: float) -> str:
+    """Say how much noise: "no noise", "10% noise"."""
+    return "no noise" if level == 0 else f"{percent(level)} noise"
+
+
 def name_of(builder: Builder, estimator: str) -> str:
     """The title an estimator has in the scene, or its name; the training mean has its own."""
     if estimator == PRIOR:
         return "guessing the training mean"
-    table = builder.scene.estimator[estimator]
-    return table.title or estimator
+    return builder.scene.estimator[estimator].title or estimator.replace("_", " ")
 
 
-def error_table(builder: Builder, validation: Validation, level: float) -> ResultTable:
+def quantity_title(builder: Builder, name: str) -> str:
+    """The title a quantity has in the scene, or its name."""
+    return builder.scene.quantity[name].title or name.replace("_", " ")
+
+
+def error_table(builder: Builder, validation: Validation, level: float) -> Table:
     """Space–time errors, mean and worst over the cases, and quantities, at one noise level."""
-    headers = ["estimate", *(f"e({label})" for label in validation.errors)]
-    headers += [f"{name} rms (max)" for name in builder.scene.quantity]
-    outcomes = [validation.outcome(PRIOR, level)]
-    outcomes += [validation.outcome(name, level) for name in builder.scene.estimator]
-    rows = [(name_of(builder, o.estimator), *_cells(o, validation.errors)) for o in outcomes]
-    noise = "no noise" if level == 0 else f"{percent(level)} noise"
-    return ResultTable(
-        f"{noise}: relative space–time errors, mean (worst) of {validation.clean.shape[2]} unseen cases",
-        tuple(headers),
-        tuple(rows),
-        "same-discretisation truth",
+    titles = [quantity_title(builder, name) for name in builder.scene.quantity]
+    headers = ["estimate", *(f"e of {label}" for label in validation.errors), *(f"{t}: rms (max)" for t in titles)]
+    prior = validation.outcome(PRIOR, level)
+    outcomes = [validation.outcome(name, level) for name in builder.scene.estimator]
+    numbers = np.array([_numbers(each, validation.errors) for each in (prior, *outcomes)])
+    best = np.argmin(numbers[1:], axis=0) + 1
+    rows = []
+    for index, outcome in enumerate((prior, *outcomes)):
+        tones = [_tone(index, int(best[k]), numbers[index, k], numbers[0, k]) for k in range(numbers.shape[1])]
+        cells = [Cell(text, tone) for text, tone in zip(_texts(outcome, validation.errors), tones, strict=True)]
+        rows.append([Cell(name_of(builder, outcome.estimator), "muted" if index == 0 else ""), *cells])
+    return Table(
+        headers,
+        rows,
+        f"{noise_name(level)}: relative space–time errors, mean (worst) over {validation.clean.shape[2]} unseen cases",
+        "Truth computed on the same mesh with the same scheme, so these are errors of the reconstruction alone.",
     )
 
 
-def _cells(outcome: Outcome, labels: Sequence[str]) -> list[str]:
-    cells = []
+def refinement_table(refinement: Refinement) -> Table:
+    """Discretisation error in time, to hold beside every reconstruction error."""
+    rows = [[name, percent(value)] for name, value in refinement.differences.items()]
+    return Table(
+        ["field", "relative space–time difference"],
+        rows,
+        f"discretisation error in time: against {refinement.factor} times as many steps, mid-range parameters",
+        "What the time step alone changes; the mesh is the same.",
+    )
+
+
+def _numbers(outcome: Outcome, labels: Sequence[str]) -> list[float]:
+    return [
+        *(float(outcome.space_time[label].mean()) for label in labels),
+        *(q.rms for q in outcome.quantities.values()),
+    ]
+
+
+def _texts(outcome: Outcome, labels: Sequence[str]) -> list[str]:
+    texts = []
     for label in labels:
         values = outcome.space_time[label]
-        cells.append(f"{percent(float(values.mean()))} ({percent(float(values.max()))})")
-    cells += [f"{q.rms:.3g} ({q.worst:.3g})" for q in outcome.quantities.values()]
-    return cells
+        texts.append(f"{percent(float(values.mean()))} ({percent(float(values.max()))})")
+    return texts + [f"{q.rms:.3g} ({q.worst:.3g})" for q in outcome.quantities.values()]
+
+
+def _tone(index: int, best: int, value: float, guess: float) -> Tone:
+    if index == 0:
+        return "muted"
+    if value > guess:
+        return "bad"
+    return "best" if index == best else ""

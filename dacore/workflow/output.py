@@ -1,0 +1,152 @@
+"""What a run leaves behind: results.json, figures, fields for ParaView, one report."""
+
+from pathlib import Path
+from typing import Any
+
+from dacore.core.background import Background
+from dacore.figures.style import png
+from dacore.io.atomic import atomic_write
+from dacore.io.fields import write_series, write_vtu
+from dacore.pipeline.runner import Runner
+from dacore.studies.validation import PRIOR, Validation
+from dacore.workflow.build import Builder
+from dacore.workflow.pictures import Drawn, Pictures
+from dacore.workflow.report import write_report
+from dacore.workflow.report_parts import Card, Picture, Provenance, Report, Section, Table, Timing
+from dacore.workflow.results import SAME_DISCRETISATION
+from dacore.workflow.tables import error_table, name_of, noise_name, percent, refinement_table
+
+
+def tables(builder: Builder, runner: Runner) -> list[Table]:
+    """Error tables of every noise level, and the discretisation error if it was asked for."""
+    out = [error_table(builder, runner["validation"], level) for level in builder.scene.noise.levels]
+    if builder.scene.validation.refine_time > 1:
+        out.append(refinement_table(runner["refinement"]))
+    return out
+
+
+def write_figures(pictures: list[Drawn], folder: Path) -> dict[str, Picture]:
+    """Write every figure as PNG and return them for the report, by name."""
+    out = {}
+    for drawn in pictures:
+        data = png(drawn.figure)
+        with atomic_write(folder / f"{drawn.name}.png") as stream:
+            stream.write(data)
+        out[drawn.name] = Picture(data, drawn.caption, drawn.alt)
+    return out
+
+
+def write_fields(builder: Builder, runner: Runner, folder: Path) -> list[Path]:
+    """Write the worst case of the best estimator at each noise level as time series, and the first modes.
+
+    In ParaView, open the ``.xdmf`` files: fields truth_*, estimate_* and difference_* over the cycle.
+    """
+    background: Background = runner["background"]
+    validation: Validation = runner["validation"]
+    label = validation.errors[len(background.space.fields) - 1]
+    files = []
+    for level in builder.scene.noise.levels:
+        outcomes = [validation.outcome(name, level) for name in builder.scene.estimator]
+        best = min(outcomes, key=lambda each: float(each.space_time[label].mean()))
+        if best.estimate is None:
+            continue
+        case = best.worst_case(label)
+        truth, estimate = runner["truth"][case].states, best.estimate.state(series=case)
+        name = "no_noise" if level == 0 else f"noise_{100 * level:g}".replace(".", "p")
+        path = folder / f"worst_case_{name}.xdmf"
+        series = {"truth_": truth, "estimate_": estimate, "difference_": estimate - truth}
+        write_series(background.space, series, background.times, path)
+        files.append(path)
+    spectral = Pictures(builder, runner).spectral
+    if spectral:
+        prepared = next(iter(spectral.values()))
+        modes = background.lift(prepared.frames[0].modes[:, :8])
+        path = folder / "modes.vtu"
+        write_vtu(background.space, {f"mode{k + 1}_": modes[:, k] for k in range(modes.shape[1])}, path)
+        files.append(path)
+    return files
+
+
+def make_report(
+    builder: Builder, runner: Runner, pictures: dict[str, Picture], summary: dict[str, Any], scene_text: str
+) -> Report:
+    """Put results and figures together for reading."""
+    validation: Validation = runner["validation"]
+    facts = {
+        "Versions": summary["versions"],
+        "Seeds": {name: str(seed) for name, seed in summary["seeds"].items()},
+        "Machine": {name: str(value) for name, value in summary["machine"].items()},
+        "Size": {
+            "nodes": f"{summary['mesh']['nodes']:,}" if summary["mesh"] else "–",
+            "degrees of freedom": f"{summary['n_dofs']:,}",
+            "measurements": f"{summary['observation']['functionals']:,}",
+            "training trajectories": str(summary["background"]["samples"]),
+            "modes kept": ", ".join(f"{n} of {name}" for name, n in summary["background"]["modes"].items()),
+        },
+    }
+    timings = [Timing(name, seconds) for name, seconds in runner.timings.items()]
+    memory = int(max(summary["peak_memory_mib"].values()) * 2**20)
+    named = dict(pictures)
+
+    def take(*names: str) -> list[Picture]:
+        return [named.pop(name) for name in names if name in named]
+
+    levels = builder.scene.noise.levels
+    tags = ["no_noise" if level == 0 else f"noise_{100 * level:g}".replace(".", "p") for level in levels]
+    sections = [
+        Section("In one picture", "", take("hero")),
+        Section(
+            "How well",
+            f"**Reference:** {SAME_DISCRETISATION}. Every error stands beside the error of guessing the training mean, "
+            "because a field that hardly varies flatters any estimate. Green: the best of its column; red: worse than "
+            "guessing.",
+            [*tables(builder, runner), *take("summary")],
+        ),
+        Section("What was measured", "", take("measured_slice")),
+        Section(
+            "Reconstructed fields",
+            "",
+            take(*(f"worst_{f.name}_{tag}" for tag in tags for f in reversed(runner["background"].space.fields))),
+        ),
+        Section("Errors over the cycle", "", take(*(f"errors_{tag}" for tag in tags))),
+        Section("Numbers of interest", "", take(*(f"quantity_{name}" for name in builder.scene.quantity))),
+        Section("Background spaces", "", take("singular_values", "inf_sup", "bound", "modes")),
+    ]
+    scene = builder.scene
+    return Report(
+        scene.title,
+        f"dacore {summary['versions']['dacore']} · {scene.physics.kind} on {scene.discretization.backend}",
+        cards(builder, validation),
+        [section for section in sections if section.parts],
+        Provenance(facts, timings, memory),
+        scene_text,
+    )
+
+
+def cards(builder: Builder, validation: Validation) -> list[Card]:
+    """Headline numbers: the best estimator of each noise level beside the guess."""
+    fields = [label for label in validation.errors if label != "joint"]
+    label = fields[-1]
+    prior = validation.outcome(PRIOR, 0.0)
+    out = []
+    for level in builder.scene.noise.levels:
+        outcomes = [validation.outcome(name, level) for name in builder.scene.estimator]
+        best = min(outcomes, key=lambda each: float(each.space_time[label].mean()))
+        mean, guess = float(best.space_time[label].mean()), float(prior.space_time[label].mean())
+        out.append(
+            Card(
+                f"error of {label}, {noise_name(level)}", percent(mean),
+                f"{name_of(builder, best.estimator)}; guessing the mean: {percent(guess)}",
+                "good" if mean < 0.5 * guess else "bad" if mean > guess else "",
+            )
+        )  # fmt: skip
+    return out
+
+
+def publish(builder: Builder, runner: Runner, out: Path, summary: dict[str, Any], scene_text: str) -> list[Path]:
+    """Write figures, fields and the report; returns the files a reader opens first."""
+    pictures = write_figures(Pictures(builder, runner).everything(), out / "figures")
+    fields = write_fields(builder, runner, out / "fields")
+    report = out / "report.html"
+    write_report(report, make_report(builder, runner, pictures, summary, scene_text))
+    return [report, *fields]
