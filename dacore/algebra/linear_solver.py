@@ -9,7 +9,7 @@ from dacore.algebra.elimination import canonical
 from dacore.core.arrays import Array, BoolArray, Sparse
 from dacore.errors import ConvergenceError, ShapeError
 
-_MOST_ROUNDS = 12
+_LEAST_GAIN = 0.25  # a correction that leaves more than this of a residual is not worth repeating
 _HISTORY = 16  # solutions kept; over the 40 steps of a cycle more of them gained nothing
 
 
@@ -118,17 +118,14 @@ class LinearSolver(ABC):
         residual = load - self._matrix @ solution
         self._recall(solution, residual)
         reached = np.linalg.norm(residual, axis=0)
-        for _ in range(_MOST_ROUNDS):
-            open_ = np.flatnonzero(reached > goal)
-            if not len(open_):
-                break
+        while len(open_ := np.flatnonzero(reached > goal)):
             trial = solution[:, open_] + self._correct(residual[:, open_], goal[open_])
             left = load[:, open_] - self._matrix @ trial
             norms = np.linalg.norm(left, axis=0)
+            stuck = ~((norms <= goal[open_]) | (norms < _LEAST_GAIN * reached[open_]))
             better = norms < reached[open_]  # False for NaN
             chosen = open_[better]
             solution[:, chosen], residual[:, chosen] = trial[:, better], left[:, better]
-            stuck = ~((norms <= goal[open_]) | (norms < 0.5 * reached[open_]))
             reached[chosen] = norms[better]
             if stuck.any() and not self._strengthen():
                 break
@@ -144,7 +141,7 @@ class LinearSolver(ABC):
         return solution
 
     def _advice(self) -> str:
-        return "check that the matrix is nonsingular, or ask for a larger tolerance"
+        return "check that the matrix is symmetric and nonsingular, or ask for a larger tolerance"
 
     def _recall(self, solution: Array, residual: Array) -> None:
         """Move to the point of least residual in the span of the remembered solutions, in place."""
@@ -184,7 +181,7 @@ def _scales(matrix: Sparse, definite: BoolArray) -> Array:
         wrong = ~(diagonal > 0.0)
     if wrong.any():
         raise ShapeError(
-            f"linear system: {wrong.sum()} of {len(wrong)} rows have a diagonal of the wrong sign or are zero; expected "
+            f"linear system: {wrong.sum()} of {len(wrong)} rows vanish or have a diagonal of the wrong sign; expected "
             "positive where definite, negative elsewhere: check boundary conditions, parameters and the signs of rows"
         )
     return np.asarray(1.0 / np.sqrt(diagonal))

@@ -6,7 +6,6 @@ graph; the separator is a smallest set of vertices that covers the cut edges (KÃ
 coordinates are needed.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -100,9 +99,10 @@ def nested_dissection(graph: csr_matrix, weights: IntArray, leaf: int) -> Dissec
     def descend(local: csr_matrix, vertices: IntArray) -> list[int]:
         if weights[vertices].sum() <= leaf or len(vertices) == 1:
             return [emit(vertices, [])]
-        pieces = list(_components(local, weights[vertices], leaf))
-        if len(pieces) > 1:
-            return [root for piece in pieces for root in descend(_restrict(local, piece), vertices[piece])]
+        heavy, light = _components(local, weights[vertices], leaf)
+        if light or len(heavy) > 1:
+            below = [root for piece in heavy for root in descend(_restrict(local, piece), vertices[piece])]
+            return below + [emit(vertices[piece], []) for piece in light]
         side, separator = _bisect(local, weights[vertices])
         halves = [np.flatnonzero(half & ~separator) for half in (side, ~side)]
         below = [root for half in halves if len(half) for root in descend(_restrict(local, half), vertices[half])]
@@ -124,17 +124,20 @@ def _restrict(graph: csr_matrix, vertices: IntArray) -> csr_matrix:
     return graph[vertices][:, vertices]
 
 
-def _components(graph: csr_matrix, weights: IntArray, leaf: int) -> Iterator[IntArray]:
-    """Connected components; those under `leaf` are gathered into batches of about that weight."""
+def _components(graph: csr_matrix, weights: IntArray, leaf: int) -> tuple[list[IntArray], list[IntArray]]:
+    """Connected components heavier than `leaf`, and the others gathered into batches of up to twice that."""
     count, label = connected_components(graph, directed=False)
-    heavy = np.bincount(label, weights=weights, minlength=count)
-    # A batch of light components gets one number, larger than that of any heavy component.
-    light = np.flatnonzero(heavy <= leaf)
-    batch = np.arange(count)
-    batch[light] = count + (np.cumsum(heavy[light]) // leaf).astype(np.int64)
-    of_vertex = batch[label]
-    order = np.argsort(of_vertex, kind="stable")
-    yield from np.split(order, np.flatnonzero(np.diff(of_vertex[order])) + 1)
+    weight = np.bincount(label, weights=weights, minlength=count)
+    few = weight <= leaf
+    batch = np.where(few, (np.cumsum(np.where(few, weight, 0.0)) // leaf).astype(np.int64), np.arange(count))
+    return _gather(batch[label], ~few[label]), _gather(batch[label], few[label])
+
+
+def _gather(number: IntArray, chosen: BoolArray) -> list[IntArray]:
+    """The chosen vertices, by number."""
+    vertices = np.flatnonzero(chosen)
+    vertices = vertices[np.argsort(number[vertices], kind="stable")]
+    return np.split(vertices, np.flatnonzero(np.diff(number[vertices])) + 1) if len(vertices) else []
 
 
 def _distance(graph: csr_matrix, root: int) -> tuple[IntArray, int]:
