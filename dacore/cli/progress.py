@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -65,9 +66,12 @@ class RichBoard(ProgressBoard):
     def summary(self, finished: Finished) -> None:
         """Print the errors and where the results are."""
         for table in finished.tables:
-            shown = RichTable(title=table.caption, title_justify="left", title_style="bold", caption=table.note or None)
+            shown = RichTable(
+                title=table.caption, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False,
+                caption=table.note or None, caption_justify="left",
+            )  # fmt: skip
             for k, header in enumerate(table.headers):
-                shown.add_column(header, justify="left" if k == 0 else "right", overflow="fold")
+                shown.add_column(header, justify="left" if k == 0 else "right")
             for row in table.rows:
                 shown.add_row(*(_cell(cell) for cell in row))
             self.console.print(shown)
@@ -93,7 +97,7 @@ class _Meter:
 
 def print_plan(rows: Sequence[PlannedStage]) -> None:
     """Print a plan as a table."""
-    table = RichTable(title="plan", title_justify="left")
+    table = RichTable(box=SIMPLE_HEAD, pad_edge=False)
     for header in ("stage", "", "why", "what"):
         table.add_column(header)
     for row in rows:
@@ -103,7 +107,7 @@ def print_plan(rows: Sequence[PlannedStage]) -> None:
 
 def print_plugins(rows: Sequence[Row]) -> None:
     """Print installed plugins as a table."""
-    table = RichTable(title="plugins", title_justify="left")
+    table = RichTable(box=SIMPLE_HEAD, pad_edge=False)
     for header in ("kind", "name", "status", "from", "what"):
         table.add_column(header, overflow="fold")
     for row in rows:

@@ -19,7 +19,8 @@ from dacore.workflow.tables import error_table, name_of, noise_name, percent, re
 
 def tables(builder: Builder, runner: Runner) -> list[Table]:
     """Error tables of every noise level, and the discretisation error if it was asked for."""
-    out = [error_table(builder, runner["validation"], level) for level in builder.scene.noise.levels]
+    space = runner["model"].space
+    out = [error_table(builder, space, runner["validation"], level) for level in builder.scene.noise.levels]
     if builder.scene.validation.refine_time > 1:
         out.append(refinement_table(runner["refinement"]))
     return out

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dacore.core.space import StateSpace
 from dacore.studies.refinement import Refinement
 from dacore.studies.validation import PRIOR, Outcome, Validation
 from dacore.workflow.build import Builder
@@ -11,11 +12,14 @@ from dacore.workflow.report_parts import Cell, Table, Tone
 
 
 def percent(value: float) -> str:
-    """A relative error as a percentage of two digits: "0.13%", "12%", "4.2e+03%"."""
+    """A relative error as a percentage of two digits: "0.13%", "12%", "4200%", "3e5%"."""
     scaled = 100 * value
-    if scaled >= 1000 or 0 < scaled < 1e-3:
-        return f"{scaled:.1e}%"
-    return f"{scaled:.2g}%" if scaled < 100 else f"{scaled:.0f}%"
+    if scaled >= 1e5 or 0 < scaled < 1e-3:
+        mantissa, exponent = f"{scaled:.1e}".split("e")
+        return f"{mantissa}e{int(exponent)}%"
+    if scaled >= 100:
+        return f"{float(f'{scaled:.2g}'):.0f}%"
+    return f"{scaled:.2g}%"
 
 
 def noise_name(level: float) -> str:
@@ -35,10 +39,11 @@ def quantity_title(builder: Builder, name: str) -> str:
     return builder.scene.quantity[name].title or name.replace("_", " ")
 
 
-def error_table(builder: Builder, validation: Validation, level: float) -> Table:
+def error_table(builder: Builder, space: StateSpace, validation: Validation, level: float) -> Table:
     """Space–time errors, mean and worst over the cases, and quantities, at one noise level."""
-    titles = [quantity_title(builder, name) for name in builder.scene.quantity]
-    headers = ["estimate", *(f"e of {label}" for label in validation.errors), *(f"{t}: rms (max)" for t in titles)]
+    units = {name: builder.quantities[name].functionals(space).unit for name in builder.scene.quantity}
+    titles = [f"{quantity_title(builder, name)}, rms (max) [{unit}]" for name, unit in units.items()]
+    headers = ["estimate", *(f"e of {label}" for label in validation.errors), *titles]
     prior = validation.outcome(PRIOR, level)
     outcomes = [validation.outcome(name, level) for name in builder.scene.estimator]
     numbers = np.array([_numbers(each, validation.errors) for each in (prior, *outcomes)])
