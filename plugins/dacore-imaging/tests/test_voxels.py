@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from dacore.core.fespace import FiniteElementSpace
+from dacore.core.fields import Field
 from dacore.errors import CapabilityError, SceneError, ShapeError
 from dacore.plugins.settings import build
 from dacore_imaging.grid import Grid
@@ -257,6 +259,37 @@ def test_a_field_of_view_counts_or_names_what_lies_outside(make_space):
     assert (edge.count, edge.dropped) == (3, 1)
     with pytest.raises(ShapeError, match="first: 3, 3"):
         Voxels(**(view | {"shape": (2, 2), "origin": (1.5, 1.5)}), coverage=0.5, outside="error").functionals(space)
+
+
+def test_without_a_field_of_view_only_voxels_that_meet_the_domain_count(make_space):
+    # The square fills about half of the box around it in a grid turned by 45 degrees.
+    space = make_space(2, n=3, lengths=3.0)
+    axes = rows(np.array([[1.0, 1.0], [-1.0, 1.0]]) / np.sqrt(2.0))
+    settings = {"field": "p", "size": 0.3, "axes": axes}
+    met = Voxels(**settings, coverage=0.0).functionals(space)
+    assert met.dropped == 0
+    some = Voxels(**settings, coverage=0.7).functionals(space)
+    assert some.count + some.dropped == met.count < 0.7 * 15**2
+
+
+def test_a_field_of_view_limits_slices(make_space):
+    space = make_space(3, n=3, lengths=3.0)
+    settings = {"field": "p", "size": 1.0, "origin": (1.0, 1.0, -7.0), "shape": (3, 2, 50)}
+    found = Voxels(**settings, slices=[Slice("z", 1.5), Slice("z", 2.5)]).functionals(space)
+    assert found.count == 2 * 4
+    assert found.dropped == 2 * 2
+    assert found.centres[:, :2].min() == 1.5
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_voxels_add_up_to_the_mass_matrix_of_a_backend(make_space, order):
+    backend = pytest.importorskip("dacore_skfem.backend")
+    mesh = make_space(3, n=2, lengths=2.0, order=order).mesh
+    space = FiniteElementSpace(backend.SkfemBackend().discretize(mesh, [Field("u", 3, order), Field("p", 1)]))
+    found = Voxels(size=0.7, axes=rows(TURN), average=False, coverage=0.0, components=(2,)).functionals(space)
+    expected = np.zeros(space.n_dofs)
+    expected[space.layout.component("u", 2)] = space.scalar_product("u").sum(axis=0)
+    np.testing.assert_allclose(found.matrix.sum(axis=0), expected, atol=1e-13)
 
 
 @pytest.mark.parametrize(
