@@ -109,7 +109,7 @@ def test_an_edge_may_be_asked_for_instead(brain):
     ("settings", "message"),
     [
         ({"nodes": "10k"}, "brain nodes: got '10k', expected one of 5k, 33k, 100k"),
-        ({"edge": 2.0}, "brain edge: got 2.0 cm, expected 0.15 to 1.3"),
+        ({"edge": 2.0}, "brain edge: got 2.0 cm, expected 0.15 to 1.15"),
         ({"edge": float("nan")}, "brain edge: got nan cm"),
         ({"neck_height": 0.0}, "brain neck_height: got 0.0 cm"),
         ({"neck_height": 12.0}, "brain neck_height: got 12.0 cm"),

@@ -59,8 +59,8 @@ class Brain(Domain):
     def __post_init__(self) -> None:
         if self.nodes not in _EDGES:
             raise MeshError(f"brain nodes: got {self.nodes!r}, expected one of {', '.join(_EDGES)}")
-        if self.edge is not None and not 0.15 <= self.edge <= 1.3:
-            raise MeshError(f"brain edge: got {self.edge} cm, expected 0.15 to 1.3 (coarser loses the ventricles)")
+        if self.edge is not None and not 0.15 <= self.edge <= 1.15:
+            raise MeshError(f"brain edge: got {self.edge} cm, expected 0.15 to 1.15 (coarser loses the ventricles)")
         if not 0.2 <= self.neck_height <= 7.0:
             raise MeshError(f"brain neck_height: got {self.neck_height} cm, expected 0.2 to 7")
 
