@@ -9,6 +9,7 @@ template's own (MNI) coordinates: x to the right, y to the front, z up.
 import importlib.util
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +81,7 @@ def _tissue() -> tuple[NDArray[np.float32], Array]:
         import nibabel
     except ImportError as error:
         raise MissingDependencyError("the brain needs nibabel to read its template; pip install nibabel") from error
-    images = {key: nibabel.load(path) for key, path in template_files().items()}
+    images: dict[str, Any] = {key: nibabel.load(path) for key, path in template_files().items()}
     affine = np.asarray(images["t1"].affine, dtype=np.float64)
     if not np.array_equal(affine[:3, :3], np.eye(3)) or images["t1"].shape != (197, 233, 189):
         raise MeshError(
