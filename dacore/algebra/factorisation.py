@@ -14,6 +14,7 @@ from numpy.typing import DTypeLike, NDArray
 from scipy.linalg import get_blas_funcs, get_lapack_funcs
 
 from dacore.algebra.elimination import Front, Ordering, Scatter
+from dacore.algebra.threads import one_blas_thread
 from dacore.core.arrays import Array, IntArray
 from dacore.errors import ConvergenceError
 
@@ -57,10 +58,11 @@ class Factorisation:
         entries = data.astype(self._dtype)
         remainders: dict[int, Dense] = {}
         self._blocks: list[_Block] = []
-        for i, front in enumerate(ordering.fronts):
-            panel, rest = self._assemble(front, scatter.source[i], scatter.target[i], entries, remainders)
-            block, remainders[i] = _eliminate(front, panel, rest)
-            self._blocks.append(block)
+        with one_blas_thread():
+            for i, front in enumerate(ordering.fronts):
+                panel, rest = self._assemble(front, scatter.source[i], scatter.target[i], entries, remainders)
+                block, remainders[i] = _eliminate(front, panel, rest)
+                self._blocks.append(block)
 
     def _assemble(
         self, front: Front, source: IntArray, target: IntArray, entries: Dense, remainders: dict[int, Dense]

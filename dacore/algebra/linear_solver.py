@@ -6,6 +6,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dacore.algebra.elimination import canonical
+from dacore.algebra.threads import one_blas_thread
 from dacore.core.arrays import Array, BoolArray, Sparse
 from dacore.errors import ConvergenceError, ShapeError
 
@@ -110,7 +111,8 @@ class LinearSolver(ABC):
         if guess is not None and np.isfinite(guess).all():
             solution = guess.reshape(n, -1) / scale
         solution[:, size == 0.0] = 0.0
-        solution = self._improve(load, solution, self._tolerance * size)
+        with one_blas_thread():
+            solution = self._improve(load, solution, self._tolerance * size)
         return np.asarray((solution * scale).reshape(rhs.shape))
 
     def _improve(self, load: Array, solution: Array, goal: Array) -> Array:
