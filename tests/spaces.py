@@ -1,6 +1,8 @@
 """A small state space without meshes or PDEs, for tests of estimation."""
 
 import numpy as np
+from scipy.sparse import csr_array, diags_array
+
 from dacore.algebra.compress import compress
 from dacore.core.background import Background
 from dacore.core.fields import Field, Layout
@@ -8,7 +10,6 @@ from dacore.core.model import Trajectory
 from dacore.core.observation import Functionals
 from dacore.core.parameters import Parameter, ParameterSpace
 from dacore.core.space import StateSpace
-from scipy.sparse import csr_array, diags_array
 
 
 class Chain(StateSpace):

@@ -106,12 +106,17 @@ def print_plan(rows: Sequence[PlannedStage]) -> None:
 
 
 def print_plugins(rows: Sequence[Row]) -> None:
-    """Print installed plugins as a table."""
+    """Print installed plugins as a table, with where they come from if there is room."""
+    console = Console()
+    wide = console.width >= 120
     table = RichTable(box=SIMPLE_HEAD, pad_edge=False)
-    for header in ("kind", "name", "status", "from", "what"):
+    for header in ("kind", "name", "status", *(["from"] if wide else []), "what"):
         table.add_column(header, overflow="fold")
     for row in rows:
         ready = row.status == "ready"
-        status = "[green]ready[/]" if ready else f"[red]{row.status}[/]" + (f"\n{row.install}" if row.install else "")
-        table.add_row(row.kind, row.name, status, f"{row.distribution} {row.version}", row.summary)
-    Console().print(table)
+        status = Text(row.status, style="green" if ready else "red")
+        if row.install:
+            status.append(f"\n{row.install}", style="")
+        source = [f"{row.distribution} {row.version}"] if wide else []
+        table.add_row(row.kind, row.name, status, *source, row.summary)
+    console.print(table)

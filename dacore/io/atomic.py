@@ -9,6 +9,16 @@ from pathlib import Path
 from dacore.errors import StoreError
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it; StoreError if that is not possible or nothing can be written there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StoreError(f"{folder}: cannot make this folder ({error.strerror}); choose another one") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise StoreError(f"{folder}: cannot write into this folder; choose another one or change its rights")
+
+
 @contextmanager
 def atomic_path(path: str | Path) -> Iterator[Path]:
     """Give a temporary path beside `path` and move it there when the block ends well.
@@ -34,10 +44,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     target = Path(path)
     if target.is_dir():
         raise StoreError(f"{target}: is a folder, expected the name of a file to write")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StoreError(f"{target.parent}: cannot make this folder ({error.strerror}); choose another one") from error
+    make_folder(target.parent)
     # The same folder, so that the move stays on one file system and is a single step; a random name,
     # so that two runs that write the same file do not write into each other's.
     temporary = target.parent / f".{target.stem}.{secrets.token_hex(4)}{target.suffix}"

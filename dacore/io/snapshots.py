@@ -15,7 +15,7 @@ import numpy as np
 from dacore.core.arrays import Array
 from dacore.core.model import Trajectory
 from dacore.errors import StoreError
-from dacore.io.atomic import atomic_path
+from dacore.io.atomic import atomic_path, make_folder
 
 SCHEMA = 1
 MAGIC = "dacore trajectory"
@@ -34,10 +34,7 @@ class TrajectoryStore:
 
     def __init__(self, folder: Path, key: str) -> None:
         self.folder, self.key = folder, key
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise StoreError(f"{folder}: cannot be made ({error.strerror}); choose another --out or --cache") from error
+        make_folder(folder)
 
     def path(self, index: int) -> Path:
         """File of trajectory `index`."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from dacore.errors import StoreError
+from dacore.io.atomic import make_folder
 from dacore.pipeline.stage import Pipeline, Stage
 
 logger = logging.getLogger(__name__)
@@ -98,7 +99,7 @@ class Runner:
         self._tell(stage.name, "start")
         result = stage.compute(self, self.folder(stage))
         if stage.codec:
-            self.cache.mkdir(parents=True, exist_ok=True)
+            make_folder(self.cache)
             stage.codec.save(result, self.path(stage))
         self._tell(stage.name, "done")
         return result

@@ -22,7 +22,7 @@ from dacore.core.space import StateSpace
 from dacore.core.timegrid import TimeGrid
 from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.newmark import Newmark
-from dacore.errors import SceneError, ShapeError
+from dacore.errors import MissingDependencyError, PluginError, SceneError, ShapeError, UnstableError
 from dacore.io.scene import PluginTable, Scene, convert
 from dacore.plugins.registry import Registry, load
 from dacore.plugins.settings import build
@@ -51,8 +51,15 @@ class Builder:
         return load()
 
     def _make(self, kind: str, table: PluginTable, key: str) -> Any:
-        cls = self.registry.get(kind, table.kind)
-        return build(cls, table.settings, f"{self.where}: {key}", self.base)
+        return build(self._class(kind, table.kind, key), table.settings, f"{self.where}: {key}", self.base)
+
+    def _class(self, kind: str, name: str, key: str) -> type[Any]:
+        try:
+            return self.registry.get(kind, name)
+        except MissingDependencyError:
+            raise
+        except PluginError as error:
+            raise SceneError(f"{self.where}: {key}: {error}") from error
 
     @cached_property
     def domain(self) -> Domain:
@@ -69,7 +76,7 @@ class Builder:
     @cached_property
     def backend(self) -> Backend:
         """The finite element library."""
-        made: Backend = self.registry.get("backend", self.scene.discretization.backend)()
+        made: Backend = self._class("backend", self.scene.discretization.backend, "discretization.backend")()
         return made
 
     @cached_property
@@ -92,9 +99,12 @@ class Builder:
 
     @cached_property
     def scheme(self) -> Newmark:
-        """The time scheme; UnstableError outside its stability region."""
+        """The time scheme; SceneError outside its stability region."""
         time = self.scene.time
-        return Newmark(time.beta, time.gamma, time.first_order)
+        try:
+            return Newmark(time.beta, time.gamma, time.first_order)
+        except UnstableError as error:
+            raise SceneError(f"{self.where}: time: {error}") from error
 
     def check(self) -> None:
         """Make every settings object, so that a mistake anywhere in the scene shows before any work."""

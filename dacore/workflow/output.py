@@ -8,7 +8,7 @@ from dacore.figures.style import png
 from dacore.io.atomic import atomic_write
 from dacore.io.fields import write_series, write_vtu
 from dacore.pipeline.runner import Runner
-from dacore.studies.validation import PRIOR, Validation
+from dacore.studies.validation import JOINT, PRIOR, Validation
 from dacore.workflow.build import Builder
 from dacore.workflow.pictures import Drawn, Pictures
 from dacore.workflow.report import write_report
@@ -17,10 +17,19 @@ from dacore.workflow.results import SAME_DISCRETISATION
 from dacore.workflow.tables import error_table, name_of, noise_name, percent, refinement_table
 
 
-def tables(builder: Builder, runner: Runner) -> list[Table]:
-    """Error tables of every noise level, and the discretisation error if it was asked for."""
-    space = runner["model"].space
-    out = [error_table(builder, space, runner["validation"], level) for level in builder.scene.noise.levels]
+def tables(builder: Builder, runner: Runner, joint: bool = True) -> list[Table]:
+    """Error tables of every noise level, and the discretisation error if it was asked for.
+
+    Parameters
+    ----------
+    builder : Builder
+    runner : Runner
+    joint : bool
+        Whether to show the error of the joint norm, which a narrow terminal has no room for.
+    """
+    space, validation = runner["model"].space, runner["validation"]
+    labels = [label for label in validation.errors if joint or label != JOINT]
+    out = [error_table(builder, space, validation, level, labels) for level in builder.scene.noise.levels]
     if builder.scene.validation.refine_time > 1:
         out.append(refinement_table(runner["refinement"]))
     return out
@@ -126,7 +135,7 @@ def make_report(
 
 def cards(builder: Builder, validation: Validation) -> list[Card]:
     """Headline numbers: the best estimator of each noise level beside the guess."""
-    fields = [label for label in validation.errors if label != "joint"]
+    fields = [label for label in validation.errors if label != JOINT]
     label = fields[-1]
     prior = validation.outcome(PRIOR, 0.0)
     out = []

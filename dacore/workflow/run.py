@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from dacore.io.atomic import make_folder
 from dacore.io.scene import read_scene
 from dacore.pipeline.runner import PlannedStage, Runner
 from dacore.workflow.build import Builder
@@ -60,6 +61,7 @@ def run_scene(
 
     builder = Builder(read_scene(path, changes), str(path), path.parent)
     builder.check()
+    make_folder(out)
     board = board or ProgressBoard()
     pipeline = scene_pipeline(builder, workers or usable_cores(), board)
     runner = Runner(pipeline, cache or out / "cache", board.stage)
@@ -72,7 +74,7 @@ def run_scene(
     board.stage("report", "start")
     files = publish(builder, runner, out, summary, text)
     board.stage("report", "done")
-    return Finished(tuple(tables(builder, runner)), (*files, results), time.perf_counter() - started)
+    return Finished(tuple(tables(builder, runner, joint=False)), (*files, results), time.perf_counter() - started)
 
 
 def plan_scene(path: Path, changes: Sequence[str], out: Path, cache: Path | None = None) -> list[PlannedStage]:

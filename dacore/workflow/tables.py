@@ -39,19 +39,21 @@ def quantity_title(builder: Builder, name: str) -> str:
     return builder.scene.quantity[name].title or name.replace("_", " ")
 
 
-def error_table(builder: Builder, space: StateSpace, validation: Validation, level: float) -> Table:
-    """Space–time errors, mean and worst over the cases, and quantities, at one noise level."""
+def error_table(
+    builder: Builder, space: StateSpace, validation: Validation, level: float, labels: Sequence[str]
+) -> Table:
+    """Space–time errors `labels`, mean and worst over the cases, and quantities, at one noise level."""
     units = {name: builder.quantities[name].functionals(space).unit for name in builder.scene.quantity}
     titles = [f"{quantity_title(builder, name)}, rms (max) [{unit}]" for name, unit in units.items()]
-    headers = ["estimate", *(f"e of {label}" for label in validation.errors), *titles]
+    headers = ["estimate", *(f"e of {label}" for label in labels), *titles]
     prior = validation.outcome(PRIOR, level)
     outcomes = [validation.outcome(name, level) for name in builder.scene.estimator]
-    numbers = np.array([_numbers(each, validation.errors) for each in (prior, *outcomes)])
+    numbers = np.array([_numbers(each, labels) for each in (prior, *outcomes)])
     best = np.argmin(numbers[1:], axis=0) + 1
     rows = []
     for index, outcome in enumerate((prior, *outcomes)):
         tones = [_tone(index, int(best[k]), numbers[index, k], numbers[0, k]) for k in range(numbers.shape[1])]
-        cells = [Cell(text, tone) for text, tone in zip(_texts(outcome, validation.errors), tones, strict=True)]
+        cells = [Cell(text, tone) for text, tone in zip(_texts(outcome, labels), tones, strict=True)]
         rows.append([Cell(name_of(builder, outcome.estimator), "muted" if index == 0 else ""), *cells])
     return Table(
         headers,

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from dacore.core.noise import CorrelatedNoise, SensorNoise, WhiteNoise
 from dacore.core.quantity import QuantityOfInterest
 from dacore.errors import ShapeError
 from dacore.estimators.minimum_variance import MinimumVariance
-from hypothesis import given
-from hypothesis import strategies as st
-
 from tests.spaces import Chain, functionals_of, random_background, random_functionals
 
 
@@ -79,8 +79,10 @@ def test_estimate_and_variance_are_the_gaussian_posterior(seed, kind, window, sc
 def test_exact_data_of_a_training_trajectory_recover_it(seed):
     _, _, background, functionals = setting(seed, m=20)
     states = background.lift(background.coefficients[:, :, 3])
-    estimate = MinimumVariance(floor=1e-10).prepare(background, functionals, WhiteNoise()).estimate(
-        functionals(states)[:, :, None], 0.0
+    estimate = (
+        MinimumVariance(floor=1e-10)
+        .prepare(background, functionals, WhiteNoise())
+        .estimate(functionals(states)[:, :, None], 0.0)
     )
     assert np.abs(estimate.state(series=0) - states).max() < 1e-5 * np.abs(states).max()
 

@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from dacore.algebra.gram import RieszMap, orthonormaliser
 from dacore.algebra.stability import inf_sup_constants
 from dacore.core.noise import WhiteNoise
 from dacore.errors import ShapeError, UnstableError
 from dacore.estimators.pbdw import PBDW
 from dacore.estimators.saddle_point import solve_saddle_point
-from hypothesis import given
-from hypothesis import strategies as st
-
 from tests.spaces import Chain, functionals_of, random_background, random_functionals
 
 VARIANTS = [
@@ -41,9 +41,7 @@ def dense(prepared, background, functionals, zeta, frame=0):
     return basis, mass, raw @ whitening, whitening
 
 
-@given(
-    seed=st.integers(0, 2**31), variant=st.sampled_from(VARIANTS), n=st.integers(1, 6), exponent=st.integers(-6, 2)
-)
+@given(seed=st.integers(0, 2**31), variant=st.sampled_from(VARIANTS), n=st.integers(1, 6), exponent=st.integers(-6, 2))
 def test_explicit_form_agrees_with_the_saddle_point_form(seed, variant, n, exponent):
     rng, space, background, functionals = setting(seed)
     zeta = 10.0**exponent

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from dacore.algebra.pod import pod
-from dacore.core.reduced import ReducedSpace
-from dacore.errors import AccuracyError, ShapeError
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse import csr_array, diags_array
+
+from dacore.algebra.pod import pod
+from dacore.core.reduced import ReducedSpace
+from dacore.errors import AccuracyError, ShapeError
 
 
 def product(n: int, rng: np.random.Generator) -> csr_array:

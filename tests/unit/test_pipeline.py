@@ -3,6 +3,7 @@
 import json
 
 import pytest
+
 from dacore.errors import DacoreError, StoreError
 from dacore.pipeline.runner import Runner
 from dacore.pipeline.stage import Codec, Pipeline, Stage

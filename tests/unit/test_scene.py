@@ -1,6 +1,7 @@
 """Scenes: what is accepted, and one clear line for what is not."""
 
 import pytest
+
 from dacore.errors import SceneError
 from dacore.io.scene import convert, read_scene
 

@@ -3,6 +3,7 @@
 import h5py
 import numpy as np
 import pytest
+
 from dacore.core.model import Trajectory
 from dacore.errors import StoreError
 from dacore.io.snapshots import TrajectoryStore
@@ -61,7 +62,7 @@ def test_foreign_files_are_refused(tmp_path, name, value, message):
 
 def test_a_folder_that_cannot_be_made(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(StoreError, match="cannot be made"):
+    with pytest.raises(StoreError, match="cannot make"):
         TrajectoryStore(tmp_path / "file" / "below", "key")
 
 

@@ -1,0 +1,100 @@
+"""The command line as a user meets it."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+TOY = ROOT / "examples" / "toy" / "ball.toml"
+
+
+def dacore(*arguments, cwd=ROOT):
+    """Run the command in a process of its own."""
+    environment = {**os.environ, "COLUMNS": "160", "OPENBLAS_NUM_THREADS": "1"}
+    command = [sys.executable, "-c", "from dacore.cli.main import main; main()", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, env=environment, check=False)
+
+
+def test_help_and_version_import_no_numerical_library():
+    code = (
+        "import sys\nfrom dacore.cli.main import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit as stop:\n    assert stop.code == 0\n"
+        "heavy = {'numpy', 'scipy', 'skfem', 'matplotlib', 'h5py', 'pydantic', 'meshio'} & set(sys.modules)\n"
+        "assert not heavy, heavy"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "reconstruct" in done.stdout.lower() or "measurements" in done.stdout
+    assert dacore("--version").stdout.startswith("dacore ")
+
+
+def test_plugins_lists_our_own():
+    done = dacore("plugins")
+    assert done.returncode == 0
+    for name in ("skfem", "brain", "biot", "voxels", "pbdw", "minimum_variance"):
+        assert name in done.stdout
+
+
+def test_plan_starts_nothing(tmp_path):
+    done = dacore("plan", TOY, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert "training" in done.stdout
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (["training.sampels=3"], ["training.sampels", "did you mean 'samples'"]),
+        (["domain.kind=bal"], ["domain", "'bal'", "ball"]),
+        (["domain.radius=-1.0"], ["domain", "radius", "-1"]),
+        (["domain.radios=3.0"], ["domain", "radios", "radius"]),
+        (["time.beta=0.25"], ["time", "2 beta >= gamma"]),
+        (["observation.slice.size='big'"], ["observation.slice", "size", "big"]),
+        (["estimator.minimum_variance.window='day'"], ["estimator.minimum_variance", "window", "day"]),
+        (["discretization.backend='fenics'"], ["backend", "'fenics'", "skfem"]),
+        (["physics.ranges={E=[1.0, 2.0, 3.0]}"], ["physics", "ranges"]),
+    ],
+)
+def test_a_mistake_in_the_scene_gives_one_line_before_any_work(tmp_path, changes, words):
+    settings = [part for change in changes for part in ("--set", change)]
+    done = dacore("run", TOY, "--out", tmp_path / "out", *settings)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: ")
+    assert len(done.stderr.strip().splitlines()) == 1
+    for word in words:
+        assert word in done.stderr
+    assert not (tmp_path / "out" / "results.json").exists()
+
+
+def test_a_missing_scene_is_a_scene_error(tmp_path):
+    done = dacore("run", tmp_path / "none.toml")
+    assert done.returncode == 2
+    assert done.stderr == f"error: {tmp_path / 'none.toml'}: no such file; expected a scene in TOML, see examples/\n"
+
+
+def test_an_output_folder_that_cannot_be_made(tmp_path):
+    (tmp_path / "file").write_text("")
+    done = dacore("run", TOY, "--out", tmp_path / "file", "--workers", "1")
+    assert done.returncode == 1
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert "cannot" in done.stderr
+
+
+def test_run_from_a_terminal_and_again_from_the_cache(tmp_path):
+    out = tmp_path / "out"
+    small = ["--set", "training.samples=6", "--set", "time.steps=6", "--set", "validation.cases=2"]
+    small += ["--set", "estimator.pbdw_per_phase.n=3", "--set", "validation.refine_time=0"]
+    first = dacore("run", TOY, "--out", out, "--workers", "2", *small)
+    assert first.returncode == 0, first.stderr
+    assert "guessing the training mean" in first.stdout
+    results = json.loads((out / "results.json").read_text())
+    again = dacore("run", TOY, "--out", out, "--workers", "1", *small, "--set", "noise.levels=[0.05]")
+    assert again.returncode == 0, again.stderr
+    assert "kept  background" in again.stdout
+    assert "training" not in json.loads((out / "results.json").read_text())["timings"]
+    assert "training" in results["timings"]
