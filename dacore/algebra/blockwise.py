@@ -35,6 +35,8 @@ class BlockSolver(LinearSolver):
         As for `LinearSolver`.
     """
 
+    _memory = 40  # each iteration saved pays for many remembered vectors
+
     def __init__(self, matrix: Sparse, definite: BoolArray, tolerance: float) -> None:
         super().__init__(matrix, definite, tolerance)
         self.iterations = 0

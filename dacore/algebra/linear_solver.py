@@ -1,6 +1,7 @@
 """What every linear solver promises: one matrix, many right-hand sides, the true residual checked."""
 
 from abc import ABC, abstractmethod
+from typing import ClassVar
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -11,7 +12,6 @@ from dacore.core.arrays import Array, BoolArray, Sparse
 from dacore.errors import ConvergenceError, ShapeError
 
 _LEAST_GAIN = 0.25  # a correction that leaves more than this of a residual is not worth repeating
-_HISTORY = 16  # solutions kept; over the 40 steps of a cycle more of them gained nothing
 
 
 class LinearSolver(ABC):
@@ -56,9 +56,12 @@ class LinearSolver(ABC):
             raise ShapeError("linear system: the matrix holds NaN, infinite or hopelessly scaled entries")
         self._matrix: Sparse = csr_array((data, matrix.indices, matrix.indptr), shape=(n, n))
         self._tolerance = tolerance
-        # Pairs (direction, image) with orthonormal images, oldest first, one a row.
-        self._directions: Array = np.empty((0, n))
-        self._images: Array = np.empty((0, n))
+        # Pairs (direction, image) with orthonormal images, one a row; a full memory forgets the oldest.
+        self._remembered = 0
+        self._directions: Array = np.zeros((self._memory, n))
+        self._images: Array = np.zeros((self._memory, n))
+
+    _memory: ClassVar[int] = 16  # solutions kept
 
     @property
     @abstractmethod
@@ -147,27 +150,28 @@ class LinearSolver(ABC):
 
     def _recall(self, solution: Array, residual: Array) -> None:
         """Move to the point of least residual in the span of the remembered solutions, in place."""
-        if len(self._images):
-            weights = self._images @ residual
-            solution += self._directions.T @ weights
-            residual -= self._images.T @ weights
+        known = slice(0, min(self._remembered, self._memory))
+        weights = self._images[known] @ residual
+        solution += self._directions[known].T @ weights
+        residual -= self._images[known].T @ weights
 
     def _remember(self, solution: Array, image: Array) -> None:
-        """Add a solution and its image to the remembered span, dropping the oldest of a full one."""
+        """Add a solution and its image to the remembered span, in place of the oldest where it is full."""
         size = np.linalg.norm(image)
         if not size:
             return
         direction, image = solution / size, image / size
+        place = self._remembered % self._memory
+        self._images[place] = self._directions[place] = 0.0
         for _ in range(2):
             weights = self._images @ image
-            direction = direction - self._directions.T @ weights
-            image = image - self._images.T @ weights
+            direction = direction - weights @ self._directions
+            image = image - weights @ self._images
         left = np.linalg.norm(image)
         # Below this the new part of the image is the error of the solver, not a new direction.
         if left > 10.0 * self._tolerance:
-            keep = slice(-(_HISTORY - 1), None)
-            self._directions = np.vstack([self._directions[keep], direction / left])
-            self._images = np.vstack([self._images[keep], image / left])
+            self._directions[place], self._images[place] = direction / left, image / left
+            self._remembered += 1
 
 
 def _scales(matrix: Sparse, definite: BoolArray) -> Array:

@@ -9,6 +9,10 @@ from dacore.algebra.linear_solver import LinearSolver
 from dacore.core.arrays import BoolArray, Sparse
 from dacore.errors import ShapeError
 
+# About one minute of one core; beyond it, and beyond 3 GiB of factor, the iteration is faster over a cycle.
+_MOST_OPERATIONS = 3e12
+_SURELY_DIRECT = 50_000
+
 Method = Literal["auto", "direct", "krylov"]
 
 __all__ = ["LinearSolver", "Method", "Ordering", "make_solver"]
@@ -43,8 +47,12 @@ def make_solver(
     ConvergenceError
         If it turns out not to be quasi-definite.
     """
+    if method not in ("auto", "direct", "krylov"):
+        raise ShapeError(f"linear solver: got the method {method!r}, expected 'auto', 'direct' or 'krylov'")
     if method == "krylov":
         return BlockSolver(matrix, definite, tolerance)
-    if method in ("auto", "direct"):
-        return DirectSolver(matrix, definite, tolerance, ordering)
-    raise ShapeError(f"linear solver: got the method {method!r}, expected 'auto', 'direct' or 'krylov'")
+    if method == "auto" and matrix.shape[0] > _SURELY_DIRECT:
+        ordering = Ordering.of(matrix, definite) if ordering is None else ordering
+        if ordering.operations > _MOST_OPERATIONS:
+            return BlockSolver(matrix, definite, tolerance)
+    return DirectSolver(matrix, definite, tolerance, ordering)
