@@ -1,5 +1,6 @@
 """What a run leaves behind: results.json, figures, fields for ParaView, one report."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,9 @@ from dacore.io.fields import write_series, write_vtu
 from dacore.pipeline.runner import Runner
 from dacore.studies.validation import JOINT, PRIOR, Validation
 from dacore.workflow.build import Builder
-from dacore.workflow.pictures import Drawn, Pictures
+from dacore.workflow.canvas import Canvas
+from dacore.workflow.drawn import Drawn, tag
+from dacore.workflow.pictures import draw_all
 from dacore.workflow.report import write_report
 from dacore.workflow.report_parts import Card, Picture, Provenance, Report, Section, Table, Timing
 from dacore.workflow.results import SAME_DISCRETISATION
@@ -35,7 +38,7 @@ def tables(builder: Builder, runner: Runner, joint: bool = True) -> list[Table]:
     return out
 
 
-def write_figures(pictures: list[Drawn], folder: Path) -> dict[str, Picture]:
+def write_figures(pictures: Iterable[Drawn], folder: Path) -> dict[str, Picture]:
     """Write every figure as PNG and return them for the report, by name."""
     out = {}
     for drawn in pictures:
@@ -62,12 +65,11 @@ def write_fields(builder: Builder, runner: Runner, folder: Path) -> list[Path]:
             continue
         case = best.worst_case(label)
         truth, estimate = runner["truth"][case].states, best.estimate.state(series=case)
-        name = "no_noise" if level == 0 else f"noise_{100 * level:g}".replace(".", "p")
-        path = folder / f"worst_case_{name}.xdmf"
+        path = folder / f"worst_case_{tag(level)}.xdmf"
         series = {"truth_": truth, "estimate_": estimate, "difference_": estimate - truth}
         write_series(background.space, series, background.times, path)
         files.append(path)
-    spectral = Pictures(builder, runner).spectral
+    spectral = Canvas(builder, runner).spectral
     if spectral:
         prepared = next(iter(spectral.values()))
         modes = background.lift(prepared.frames[0].modes[:, :8])
@@ -102,7 +104,7 @@ def make_report(
         return [named.pop(name) for name in names if name in named]
 
     levels = builder.scene.noise.levels
-    tags = ["no_noise" if level == 0 else f"noise_{100 * level:g}".replace(".", "p") for level in levels]
+    tags = [tag(level) for level in levels]
     sections = [
         Section("In one picture", "", take("hero")),
         Section(
@@ -116,9 +118,9 @@ def make_report(
         Section(
             "Reconstructed fields",
             "",
-            take(*(f"worst_{f.name}_{tag}" for tag in tags for f in reversed(runner["background"].space.fields))),
+            take(*(f"worst_{f.name}_{t}" for t in tags for f in reversed(runner["background"].space.fields))),
         ),
-        Section("Errors over the cycle", "", take(*(f"errors_{tag}" for tag in tags))),
+        Section("Errors over the cycle", "", take(*(f"errors_{t}" for t in tags))),
         Section("Numbers of interest", "", take(*(f"quantity_{name}" for name in builder.scene.quantity))),
         Section("Background spaces", "", take("singular_values", "inf_sup", "bound", "modes")),
     ]
@@ -155,7 +157,7 @@ def cards(builder: Builder, validation: Validation) -> list[Card]:
 
 def publish(builder: Builder, runner: Runner, out: Path, summary: dict[str, Any], scene_text: str) -> list[Path]:
     """Write figures, fields and the report; returns the files a reader opens first."""
-    pictures = write_figures(Pictures(builder, runner).everything(), out / "figures")
+    pictures = write_figures(draw_all(Canvas(builder, runner)), out / "figures")
     fields = write_fields(builder, runner, out / "fields")
     report = out / "report.html"
     write_report(report, make_report(builder, runner, pictures, summary, scene_text))

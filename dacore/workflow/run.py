@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from dacore.io.atomic import make_folder
 from dacore.io.scene import read_scene
 from dacore.pipeline.runner import PlannedStage, Runner
@@ -65,15 +67,18 @@ def run_scene(
     board = board or ProgressBoard()
     pipeline = scene_pipeline(builder, workers or usable_cores(), board)
     runner = Runner(pipeline, cache or out / "cache", board.stage)
-    for target in targets(builder):
-        runner[target]
-    summary = summarise(builder, runner, time.perf_counter() - started)
-    results = out / "results.json"
-    write_json(summary, results)
-    text = path.read_text(encoding="utf-8") + "".join(f"\n# --set {change}" for change in changes)
-    board.stage("report", "start")
-    files = publish(builder, runner, out, summary, text)
-    board.stage("report", "done")
+    # The dense work is many small factorisations: a second BLAS thread gains little on an idle machine and
+    # costs ten times and more on a busy one. The cores go to the worker processes.
+    with threadpool_limits(1):
+        for target in targets(builder):
+            runner[target]
+        summary = summarise(builder, runner, time.perf_counter() - started)
+        results = out / "results.json"
+        write_json(summary, results)
+        text = path.read_text(encoding="utf-8") + "".join(f"\n# --set {change}" for change in changes)
+        board.stage("report", "start")
+        files = publish(builder, runner, out, summary, text)
+        board.stage("report", "done")
     return Finished(tuple(tables(builder, runner, joint=False)), (*files, results), time.perf_counter() - started)
 
 

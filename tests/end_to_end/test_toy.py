@@ -94,15 +94,15 @@ def test_fields_open_in_meshio_and_agree_with_the_errors(finished, results):
 def test_report_is_one_self_contained_page(finished):
     text = (finished[0] / "report.html").read_text(encoding="utf-8")
 
-    class Sources(HTMLParser):
-        found: list = []
+    found = []
 
+    class Sources(HTMLParser):
         def handle_starttag(self, tag, attrs):
-            self.found += [value for name, value in attrs if name in ("src", "href") and value]
+            found.extend(value for name, value in attrs if name in ("src", "href") and value)
 
     Sources().feed(text)
-    assert Sources.found
-    assert all(source.startswith(("data:", "#")) for source in Sources.found)
+    assert found
+    assert all(source.startswith(("data:", "#")) for source in found)
     assert "guessing the training mean" in text
     assert "training.samples=14" in text
 

@@ -43,7 +43,7 @@ def dense(prepared, background, functionals, zeta, frame=0):
 
 @given(seed=st.integers(0, 2**31), variant=st.sampled_from(VARIANTS), n=st.integers(1, 6), exponent=st.integers(-6, 2))
 def test_explicit_form_agrees_with_the_saddle_point_form(seed, variant, n, exponent):
-    rng, space, background, functionals = setting(seed)
+    rng, _, background, functionals = setting(seed)
     zeta = 10.0**exponent
     prepared = PBDW(n=n, weights={"p": zeta}, tails="training", **variant).prepare(
         background, functionals, WhiteNoise()
@@ -156,7 +156,10 @@ def test_error_is_within_the_stability_bound(seed):
     null = vt[int((s > 1e-12).sum()) :].T
     extra = representers @ null
     left = onto_v - extra @ np.linalg.solve(extra.T @ (mass @ extra), extra.T @ (mass @ onto_v))
-    norm = lambda x: float(np.sqrt(x @ (mass @ x)))
+
+    def norm(x):
+        return float(np.sqrt(x @ (mass @ x)))
+
     error = norm(truth - found)
     assert w_perp.shape == representers.shape
     assert error <= norm(left) / prepared.inf_sup[0] * (1 + 1e-8)
@@ -240,7 +243,7 @@ def test_nan_data_are_refused_with_advice():
     _, _, background, functionals = setting(1)
     data = np.zeros((11, 5, 1))
     data[4, 2] = np.nan
-    with pytest.raises(ShapeError, match="1 of 11 functionals hold NaN .* mask"):
+    with pytest.raises(ShapeError, match=r"1 of 11 functionals hold NaN .* mask"):
         PBDW(n=2).prepare(background, functionals, WhiteNoise()).estimate(data)
 
 

@@ -1,0 +1,151 @@
+"""What every picture of a run needs: results, the plane it looks at, names, values on the plane."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dacore.core.arrays import Array
+from dacore.core.background import Background
+from dacore.core.mesh import Mesh
+from dacore.core.observation import Functionals
+from dacore.estimators.pbdw import PreparedPBDW
+from dacore.figures.comparison import Compared
+from dacore.figures.slices import HEAD, Frame, Slab, View
+from dacore.geometry.cut import cut_plane, planar_domain
+from dacore.pipeline.runner import Runner
+from dacore.studies.validation import Outcome, Validation
+from dacore.workflow.build import Builder
+from dacore.workflow.tables import name_of
+
+
+@dataclass(frozen=True, eq=False)
+class Canvas:
+    """A finished run, seen on one plane.
+
+    Parameters
+    ----------
+    builder : Builder
+    runner : Runner
+        With the results of the scene's targets.
+    """
+
+    builder: Builder
+    runner: Runner
+
+    @cached_property
+    def background(self) -> Background:
+        """The compressed training set."""
+        made: Background = self.runner["background"]
+        return made
+
+    @cached_property
+    def validation(self) -> Validation:
+        """Errors on unseen cases."""
+        made: Validation = self.runner["validation"]
+        return made
+
+    @cached_property
+    def functionals(self) -> Functionals:
+        """What is measured."""
+        made: Functionals = self.runner["functionals"]
+        return made
+
+    @cached_property
+    def caption(self) -> str:
+        """Scene, mesh and scheme in one line."""
+        mesh: Mesh = self.runner["domain"]
+        time = self.builder.scene.time
+        return (
+            f"{self.builder.scene.title} · {len(mesh.points):,} nodes · β = {time.beta:g}, γ = {time.gamma:g}, "
+            f"{time.first_order.replace('_', ' ')}, τ = {time.step:g} s"
+        )
+
+    @cached_property
+    def frame(self) -> Frame:
+        """Names of the axes."""
+        return HEAD if self.builder.scene.report.anatomical else Frame()
+
+    @cached_property
+    def planar(self) -> bool:
+        """Whether the domain has two dimensions."""
+        return bool(self.background.space.cells().points.shape[1] == 2)
+
+    @cached_property
+    def spectral(self) -> dict[str, PreparedPBDW]:
+        """The estimators that have background spaces V_n."""
+        prepared = {name: self.runner[f"prepared.{name}"] for name in self.builder.scene.estimator}
+        return {name: each for name, each in prepared.items() if isinstance(each, PreparedPBDW)}
+
+    def view(self) -> View:
+        """The plane the report looks at, with the measured slices marked."""
+        views = self.builder.scene.report
+        cells = self.background.space.cells()
+        if self.planar:
+            return View(planar_domain(cells.points, cells.cells), self.frame)
+        axis = "xyz".index(views.plane)
+        low, high = cells.points.min(axis=0), cells.points.max(axis=0)
+        position = views.position if views.position is not None else float(0.5 * (low + high)[axis])
+        return View(cut_plane(cells.points, cells.cells, axis, position), self.frame, self.slabs)
+
+    @cached_property
+    def slabs(self) -> tuple[Slab, ...]:
+        """The measured layers, where the voxels fill few layers along one axis."""
+        found = self.layers
+        if found is None:
+            return ()
+        axis, centres, spacing = found
+        return tuple(Slab(axis, c - spacing / 2, c + spacing / 2) for c in centres)
+
+    @cached_property
+    def layers(self) -> tuple[int, Array, float] | None:
+        """Axis, places and thickness of the measured layers, if the voxels fill few."""
+        if not self.functionals.spacing or self.planar:
+            return None
+        places = [np.unique(self.functionals.centres[:, k].round(6)) for k in range(3)]
+        axis = int(np.argmin([len(each) for each in places]))
+        if len(places[axis]) > 4:
+            return None
+        return axis, places[axis], float(self.functionals.spacing[axis])
+
+    def step_at(self, moment: float | None) -> int:
+        """Recorded step next to a time; the middle of the recorded steps for None."""
+        times = self.background.times
+        return len(times) // 2 if moment is None else int(np.argmin(np.abs(times - moment)))
+
+    def quantity_unit(self, name: str) -> str:
+        """Unit of a quantity."""
+        return self.builder.quantities[name].functionals(self.background.space).unit
+
+    def outcomes(self, level: float) -> list[Outcome]:
+        """Outcomes of the estimators at one noise level, in the order of the scene."""
+        return [self.validation.outcome(name, level) for name in self.builder.scene.estimator]
+
+    def values(self, view: View, states: Array, field: str) -> Array:
+        """Values of a field of states (n_dofs, n) on a cut: (n, c, q)."""
+        space = self.background.space
+        layout, cells = space.layout, space.cells()
+        matrix = view.cut.interpolation(cells.nodes[field], cells.orders[field], layout.nodes[field])
+        values = states.reshape(states.shape[0], -1)[layout.block(field)]
+        parts = values.reshape(layout.field(field).components, layout.nodes[field], -1)
+        return np.stack([np.asarray(matrix @ part).T for part in parts], axis=1)
+
+    def compared(self, view: View, field: str, truth: Array, estimate: Array, outcome: Outcome) -> Compared:
+        """Truth and estimate of a field on a cut: the length of a vector, a scalar less its contrast's constant."""
+        one = self.values(view, truth, field)[0]
+        other = self.values(view, estimate, field)[0]
+        unit = self.background.space.layout.field(field).unit
+        label = f"{name_of(self.builder, outcome.estimator)}"
+        if len(one) > 1:
+            size = np.linalg.norm(one, axis=0)
+            return Compared(
+                f"|{field}|", unit, size, np.linalg.norm(other, axis=0), None, np.linalg.norm(other - one, axis=0),
+                label, signed=False,
+            )  # fmt: skip
+        for contrast in self.builder.scene.validation.contrasts:
+            if contrast.field == field:
+                constant = self.background.parameters[contrast.minus].low
+                return Compared(
+                    f"{field} − {contrast.minus}", unit, one[0] - constant, other[0] - constant, label=label
+                )
+        return Compared(field, unit, one[0], other[0], label=label)

@@ -1,0 +1,35 @@
+"""A figure with what a report says of it."""
+
+from dataclasses import dataclass
+
+from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """A figure for a report.
+
+    Parameters
+    ----------
+    name : str
+        Stem of its file.
+    figure : Figure
+    caption : str
+    alt : str
+        What it shows, in words.
+    """
+
+    name: str
+    figure: Figure
+    caption: str
+    alt: str
+
+
+def tag(level: float) -> str:
+    """A noise level in a file name: "no_noise", "noise_10"."""
+    return "no_noise" if level == 0 else f"noise_{100 * level:g}".replace(".", "p")
+
+
+def error_name(label: str) -> str:
+    """What a figure calls the error of a field or contrast."""
+    return f"e_{label}" if label.isidentifier() else f"e of {label}"

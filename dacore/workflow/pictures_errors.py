@@ -1,0 +1,92 @@
+"""Pictures of errors and of numbers of interest."""
+
+import numpy as np
+
+from dacore.figures.cycle import ErrorHistory, cycle_errors
+from dacore.figures.quantity import QuantityPanel, quantity
+from dacore.figures.summary import summary
+from dacore.studies.validation import PRIOR
+from dacore.workflow.canvas import Canvas
+from dacore.workflow.drawn import Drawn, error_name, tag
+from dacore.workflow.tables import name_of, noise_name, quantity_title
+
+
+def draw_histories(canvas: Canvas) -> list[Drawn]:
+    """Errors over the cycle for every case, a figure a noise level."""
+    prior = canvas.validation.outcome(PRIOR, 0.0)
+    out = []
+    for level in canvas.builder.scene.noise.levels:
+        histories = [
+            ErrorHistory(name_of(canvas.builder, o.estimator), {error_name(k): v for k, v in o.per_step.items()})
+            for o in canvas.outcomes(level)
+        ]
+        guess = {error_name(label): values for label, values in prior.per_step.items()}
+        figure = cycle_errors(canvas.background.times, histories, guess, f"{canvas.caption} · {noise_name(level)}")
+        out.append(
+            Drawn(
+                f"errors_{tag(level)}", figure,
+                f"Relative errors at each step, {noise_name(level)}: a thin line for each unseen case, the mean in "
+                "bold, and the error of guessing the training mean dashed.",
+                "grids of error curves over the cycle, one column an estimator",
+            )
+        )  # fmt: skip
+    return out
+
+
+def draw_summary(canvas: Canvas) -> Drawn:
+    """Space–time errors of every estimator at every noise level beside the guess."""
+    levels = canvas.builder.scene.noise.levels
+    names = list(canvas.builder.scene.estimator)
+    prior = canvas.validation.outcome(PRIOR, 0.0)
+    errors, guess, units = {}, {}, {}
+    for label in canvas.validation.errors:
+        table = [
+            [canvas.validation.outcome(name, level).space_time[label].mean() for level in levels] for name in names
+        ]
+        errors[error_name(label)] = np.array(table)
+        guess[error_name(label)] = float(prior.space_time[label].mean())
+    for title in canvas.builder.scene.quantity:
+        name = quantity_title(canvas.builder, title)
+        errors[f"{name} (rms)"] = np.array(
+            [[canvas.validation.outcome(n, level).quantities[title].rms for level in levels] for n in names]
+        )
+        guess[f"{name} (rms)"] = prior.quantities[title].rms
+        units[f"{name} (rms)"] = canvas.quantity_unit(title)
+    figure = summary(
+        [name_of(canvas.builder, name) for name in names], [noise_name(level) for level in levels], errors, guess,
+        canvas.caption, units,
+    )  # fmt: skip
+    return Drawn(
+        "summary", figure,
+        "Mean space–time errors over the unseen cases. Right of the dashed line, guessing is better.",
+        "points of the error of each estimator at each noise level beside the training mean",
+    )  # fmt: skip
+
+
+def draw_quantities(canvas: Canvas) -> list[Drawn]:
+    """Estimated against true quantities, a panel an estimator and noise level."""
+    prior = canvas.validation.outcome(PRIOR, 0.0)
+    out = []
+    for title in canvas.builder.scene.quantity:
+        panels = []
+        for level in canvas.builder.scene.noise.levels:
+            for outcome in canvas.outcomes(level):
+                q = outcome.quantities[title]
+                deviation = q.deviation if np.isfinite(q.deviation).all() else None
+                panels.append(
+                    QuantityPanel(
+                        name_of(canvas.builder, outcome.estimator), noise_name(level), q.truth, q.estimate, deviation
+                    )
+                )
+        guess = prior.quantities[title]
+        name, unit = quantity_title(canvas.builder, title), canvas.quantity_unit(title)
+        figure = quantity(panels, name, unit, (float(guess.estimate[0]), guess.rms), canvas.caption)
+        out.append(
+            Drawn(
+                f"quantity_{title}", figure,
+                f"{name}: estimate against truth for every unseen case, with the 90% interval each estimator "
+                "claims; the band is the training mean and its error.",
+                f"scatter plots of estimated against true {name}",
+            )
+        )  # fmt: skip
+    return out

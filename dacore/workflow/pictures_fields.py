@@ -1,0 +1,114 @@
+"""Pictures of fields: what was measured, the worst case, and the strip from one to the other."""
+
+import numpy as np
+
+from dacore.figures.comparison import comparison
+from dacore.figures.hero import Hidden, Measured, hero
+from dacore.figures.slices import View
+from dacore.figures.voxels import measured_slice
+from dacore.geometry.cut import cut_plane
+from dacore.studies.validation import PRIOR
+from dacore.workflow.canvas import Canvas
+from dacore.workflow.drawn import Drawn, tag
+from dacore.workflow.tables import name_of, noise_name, percent
+
+
+def draw_measured(canvas: Canvas) -> list[Drawn]:
+    """The measured layer at the scene's time, exact and noisy."""
+    found = canvas.layers
+    if found is None:
+        return []
+    axis, places, _ = found
+    cells = canvas.background.space.cells()
+    view = View(cut_plane(cells.points, cells.cells, axis, float(places[len(places) // 2])), canvas.frame)
+    step = canvas.step_at(canvas.builder.scene.report.measured_time)
+    values = {"exact": canvas.validation.clean[:, step, 0]}
+    for level, data in canvas.validation.data.items():
+        if level > 0:
+            values[noise_name(level)] = data[:, step, 0]
+    when = f"t = {1e3 * canvas.background.times[step]:.3g} ms, case 1"
+    f = canvas.functionals
+    return [
+        Drawn(
+            "measured_slice",
+            measured_slice(
+                view, f.centres, f.directions, f.spacing, values, f.unit, caption=f"{canvas.caption} · {when}"
+            ),
+            f"What is measured: {f.count} averages over {f.n_sites} voxels of "
+            f"{' × '.join(f'{s:g}' for s in f.spacing)} cm at {when}. Nothing else of the state is known.",
+            "pixel images of the measured displacement components over the outline of the slice",
+        )
+    ]  # fmt: skip
+
+
+def draw_worst(canvas: Canvas, level: float) -> list[Drawn]:
+    """Truth, reconstruction and difference of each field in the worst case, every estimator a row."""
+    view = canvas.view()
+    step = canvas.step_at(canvas.builder.scene.report.worst_time)
+    outcomes = canvas.outcomes(level)
+    label = canvas.validation.errors[len(canvas.background.space.fields) - 1]
+    best = min(outcomes, key=lambda o: float(o.space_time[label].mean()))
+    case = best.worst_case(label)
+    truth = canvas.runner["truth"][case].states[:, step]
+    estimates = [o.estimate.state(series=case, step=step) for o in outcomes if o.estimate is not None]
+    when = f"t = {1e3 * canvas.background.times[step]:.3g} ms, case {case + 1}, {noise_name(level)}"
+    out = []
+    for field in canvas.background.space.fields:
+        rows = [
+            canvas.compared(view, field.name, truth, estimate, outcome)
+            for outcome, estimate in zip(outcomes, estimates, strict=True)
+        ]
+        out.append(
+            Drawn(
+                f"worst_{field.name}_{tag(level)}", comparison(view, rows, f"{canvas.caption} · {when}"),
+                f"{rows[0].name} at {when}: the case that “{name_of(canvas.builder, best.estimator)}” reconstructs "
+                "worst. Dashed: the measured slice.",
+                f"brain slices of true and reconstructed {field.name} and their difference",
+            )
+        )  # fmt: skip
+    return out
+
+
+def draw_hero(canvas: Canvas) -> list[Drawn]:
+    """From the measured voxels to the hidden field, in one strip: the picture of the README."""
+    found = canvas.layers
+    if found is None or len(canvas.background.space.fields) < 2:
+        return []
+    level = canvas.builder.scene.noise.levels[-1]
+    hidden = canvas.background.space.fields[-1]
+    label = canvas.validation.errors[len(canvas.background.space.fields)] if canvas.validation.errors else hidden.name
+    best = min(canvas.outcomes(level), key=lambda o: float(o.space_time[label].mean()))
+    if best.estimate is None:
+        return []
+    axis, places, _ = found
+    cells = canvas.background.space.cells()
+    step = canvas.step_at(canvas.builder.scene.report.worst_time)
+    case = int(np.argsort(best.space_time[label])[len(best.space_time[label]) // 2])
+    f = canvas.functionals
+    spread = [np.abs(f.directions[:, k]).sum() for k in range(f.directions.shape[1])]
+    chosen = f.directions[:, int(np.argmax(spread)) if min(spread) == 0 else min(1, len(spread) - 1)] == 1
+    flat = View(cut_plane(cells.points, cells.cells, axis, float(places[len(places) // 2])), canvas.frame)
+    view = canvas.view()
+    truth = canvas.runner["truth"][case].states[:, step]
+    compared = canvas.compared(view, hidden.name, truth, best.estimate.state(series=case, step=step), best)
+    f_values = canvas.validation.data[level][chosen, step, case]
+    field = canvas.background.space.fields[0]
+    figure = hero(
+        Measured(
+            flat, f.centres[chosen], f.spacing, f_values, f"measured {field.name}", f.unit,
+            f"{f.n_sites} voxels, {noise_name(level)}",
+        ),
+        Hidden(
+            view, compared.truth, compared.estimate, compared.name, compared.unit,
+            f"error {percent(float(best.space_time[label][case]))} over the cycle (training mean: "
+            f"{percent(float(canvas.validation.outcome(PRIOR, level).space_time[label][case]))})",
+        ),
+    )  # fmt: skip
+    return [
+        Drawn(
+            "hero", figure,
+            f"From one measured slice of displacement ({noise_name(level)}) to the unmeasured {compared.name} by "
+            f"“{name_of(canvas.builder, best.estimator)}”: the median case.",
+            "measured voxels, reconstructed and true pressure",
+        )
+    ]  # fmt: skip

@@ -1,0 +1,76 @@
+"""Pictures of the background spaces: spectra, stability, bound, modes."""
+
+import numpy as np
+
+from dacore.figures.bound import BoundCurve, bound
+from dacore.figures.inf_sup import InfSupCurve, inf_sup
+from dacore.figures.modes import ModeField, modes
+from dacore.figures.spectrum import Spectrum, spectrum
+from dacore.workflow.canvas import Canvas
+from dacore.workflow.drawn import Drawn
+from dacore.workflow.tables import name_of
+
+SHOWN_MODES = 4
+
+
+def draw_spaces(canvas: Canvas) -> list[Drawn]:
+    """Singular values, β_n and the bound of every background space."""
+    if not canvas.spectral:
+        return []
+    spectra, constants, bounds = [], [], []
+    for name, prepared in canvas.spectral.items():
+        label = name_of(canvas.builder, name)
+        n = min(len(beta) for beta in prepared.constants)
+        values = np.stack([frame.singular_values for frame in prepared.frames])
+        beta = np.stack([each[:n] for each in prepared.constants])
+        tails = np.stack([frame.tails[1 : n + 1] for frame in prepared.frames])
+        dimensions = np.arange(1, n + 1)
+        one = len(values) == 1
+        spectra.append(Spectrum(label, values[0] if one else values))
+        constants.append(InfSupCurve(label, dimensions, beta[0] if one else beta))
+        middle = len(beta) // 2
+        where = "" if one else f", step {middle + 1}"
+        bounds.append(
+            BoundCurve(label + where, dimensions, tails[middle], beta[middle], int(prepared.dimensions[middle]))
+        )
+    return [
+        Drawn(
+            "singular_values", spectrum(spectra, canvas.caption, largest=200),
+            "Singular values of the training set in each background space, and the tails ε̂_n they leave. "
+            "A family (one space a phase) is drawn as its median within its range.",
+            "decaying curves of singular values and relative tails against their number",
+        ),
+        Drawn(
+            "inf_sup", inf_sup(constants, canvas.caption),
+            "Stability constants β_n = σ_min of the cross-Gramian between the background space and the "
+            "measurements. They never rise with n.",
+            "stability constants falling with the dimension of the background space",
+        ),
+        Drawn(
+            "bound", bound(bounds, canvas.caption),
+            "The a-priori bound ε̂_n/β_n and the dimension in use. ε̂_n is a mean-square tail, not a worst case.",
+            "bound, tails and stability constants against the dimension, with the dimension in use marked",
+        ),
+    ]  # fmt: skip
+
+
+def draw_modes(canvas: Canvas) -> Drawn:
+    """The first modes of the first background space, or of the training set."""
+    view = canvas.view()
+    if canvas.spectral:
+        name, prepared = next(iter(canvas.spectral.items()))
+        vectors = canvas.background.lift(prepared.frames[0].modes[:, :SHOWN_MODES])
+        whose = name_of(canvas.builder, name)
+    else:
+        centred = canvas.background.coefficients - canvas.background.mean()[:, :, None]
+        left = np.linalg.svd(centred.reshape(canvas.background.dimension, -1), full_matrices=False)[0]
+        vectors, whose = canvas.background.lift(left[:, :SHOWN_MODES]), "training set"
+    fields = [
+        ModeField(field.name, canvas.values(view, vectors, field.name)) for field in canvas.background.space.fields
+    ]
+    return Drawn(
+        "modes", modes(view, fields, canvas.caption),
+        f"First modes of the space of “{whose}”, each scaled to at most 1. Displacement and pressure of one "
+        "column belong together: that is how an unmeasured pressure is recovered.",
+        "grid of brain slices with the first modes of each field",
+    )  # fmt: skip
