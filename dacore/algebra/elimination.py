@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from hashlib import blake2b
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from dacore.algebra.ordering import nested_dissection, quotient, same_pattern
 from dacore.core.arrays import BoolArray, IntArray, Sparse
@@ -165,8 +166,11 @@ def _lower(matrix: Sparse, permutation: IntArray) -> tuple[IntArray, IntArray, I
     row = inverse[np.repeat(np.arange(n), np.diff(matrix.indptr))]
     column = inverse[matrix.indices]
     entry = np.flatnonzero(row >= column)
-    entry = entry[np.lexsort((row[entry], column[entry]))]
-    return row[entry], column[entry], entry
+    # A sparse transposition sorts by column and row, faster than a general sort.
+    by_column = csr_array((entry, (column[entry], row[entry])), shape=(n, n))
+    by_column.sort_indices()
+    columns = np.repeat(np.arange(n), np.diff(by_column.indptr))
+    return by_column.indices.astype(np.int64), columns, by_column.data
 
 
 def _fronts(

@@ -106,13 +106,11 @@ class LinearSolver(ABC):
                 f"linear system: got a right-hand side {rhs.shape} and a guess {given}, expected ({n},) or ({n}, k)"
             )
         scale = self._scale[:, None]
-        load = rhs.reshape(n, -1) * scale
+        load = np.atleast_2d(rhs.T).T * scale
         size = np.linalg.norm(load, axis=0)
-        if not np.isfinite(size).all():
-            raise ShapeError("linear system: the right-hand side holds NaN or infinite values")
-        solution = np.zeros_like(load)
-        if guess is not None and np.isfinite(guess).all():
-            solution = guess.reshape(n, -1) / scale
+        solution = np.zeros_like(load) if guess is None else np.atleast_2d(guess.T).T / scale
+        if not (np.isfinite(size).all() and np.isfinite(solution).all()):
+            raise ShapeError("linear system: the right-hand side or the guess holds NaN or infinite values")
         solution[:, size == 0.0] = 0.0
         with one_blas_thread():
             solution = self._improve(load, solution, self._tolerance * size)

@@ -7,6 +7,7 @@ coordinates are needed.
 """
 
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, maxi
 from dacore.core.arrays import Array, BoolArray, IntArray, Sparse
 
 _SMOOTHING_SWEEPS = 25
-_QUANTILES = (0.45, 0.5, 0.55)
+_QUANTILES = (0.45, 0.55)  # cuts tried beside the median
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +127,7 @@ def _restrict(graph: csr_matrix, vertices: IntArray) -> csr_matrix:
 
 def _components(graph: csr_matrix, weights: IntArray, leaf: int) -> tuple[list[IntArray], list[IntArray]]:
     """Connected components heavier than `leaf`, and the others gathered into batches of up to twice that."""
-    count, label = connected_components(graph, directed=False)
+    count, label = connected_components(graph, directed=True, connection="strong")  # no transposing: it is symmetric
     weight = np.bincount(label, weights=weights, minlength=count)
     few = weight <= leaf
     batch = np.where(few, (np.cumsum(np.where(few, weight, 0.0)) // leaf).astype(np.int64), np.arange(count))
@@ -142,7 +143,7 @@ def _gather(number: IntArray, chosen: BoolArray) -> list[IntArray]:
 
 def _distance(graph: csr_matrix, root: int) -> tuple[IntArray, int]:
     """Breadth-first distance of each vertex of a connected graph from `root`, and a farthest vertex."""
-    order, predecessor = breadth_first_order(graph, root, directed=False, return_predecessors=True)
+    order, predecessor = breadth_first_order(graph, root, directed=True, return_predecessors=True)
     position = np.empty(len(order), dtype=np.int64)
     position[order] = np.arange(len(order))
     above = position[predecessor[order[1:]]]  # never falls, so one level is one slice
@@ -172,23 +173,24 @@ def _directions(graph: csr_matrix) -> Array:
 
 def _bisect(graph: csr_matrix, weights: IntArray) -> tuple[BoolArray, BoolArray]:
     """Side (True: first) and separator of the best of a few cuts of a connected graph of two or more vertices."""
-    n = graph.shape[0]
-    best, least = None, np.inf
-    for function in _directions(graph).T:
-        order = np.argsort(function, kind="stable")
-        share = np.cumsum(weights[order]) / weights.sum()
-        for quantile in _QUANTILES:
-            side = np.zeros(n, dtype=np.bool_)
-            side[order[: min(max(int(np.searchsorted(share, quantile)), 1), n - 1)]] = True
-            separator = _cover(graph, side)
-            first, second = (int(weights[half & ~separator].sum()) for half in (side, ~side))
-            balance = max(first, second) / max(min(first, second), 1)
-            score = float(weights[separator].sum()) * (0.5 + 0.5 * balance)
-            if score < least:
-                best, least = (side, separator), score
-    if best is None:  # unreachable: every score is finite
-        raise ValueError("no cut was tried")
-    return best
+    functions = _directions(graph)
+    middle = [_cut(graph, weights, function, 0.5) for function in functions.T]
+    best = int(np.argmin([score for score, _, _ in middle]))
+    aside = [_cut(graph, weights, functions[:, best], quantile) for quantile in _QUANTILES]
+    _, side, separator = min([middle[best], *aside], key=itemgetter(0))
+    return side, separator
+
+
+def _cut(graph: csr_matrix, weights: IntArray, function: Array, quantile: float) -> tuple[float, BoolArray, BoolArray]:
+    """Score (less is better), side and separator of a cut at a quantile of a function of the vertices."""
+    order = np.argsort(function, kind="stable")
+    share = np.cumsum(weights[order]) / weights.sum()
+    side = np.zeros(len(weights), dtype=np.bool_)
+    side[order[: min(max(int(np.searchsorted(share, quantile)), 1), len(weights) - 1)]] = True
+    separator = _cover(graph, side)
+    first, second = (int(weights[half & ~separator].sum()) for half in (side, ~side))
+    balance = max(first, second) / max(min(first, second), 1)
+    return float(weights[separator].sum()) * (0.5 + 0.5 * balance), side, separator
 
 
 def _cover(graph: csr_matrix, side: BoolArray) -> BoolArray:

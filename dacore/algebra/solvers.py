@@ -9,8 +9,8 @@ from dacore.algebra.linear_solver import LinearSolver
 from dacore.core.arrays import BoolArray, Sparse
 from dacore.errors import ShapeError
 
-# About one minute of one core; beyond it, and beyond 3 GiB of factor, the iteration is faster over a cycle.
-_MOST_OPERATIONS = 3e12
+# Entries of a factor of 4 GiB: some 500,000 unknowns of a poroelastic step in three dimensions.
+_LARGEST_FACTOR = 2**30
 _SURELY_DIRECT = 50_000
 
 Method = Literal["auto", "direct", "krylov"]
@@ -53,6 +53,6 @@ def make_solver(
         return BlockSolver(matrix, definite, tolerance)
     if method == "auto" and matrix.shape[0] > _SURELY_DIRECT:
         ordering = Ordering.of(matrix, definite) if ordering is None else ordering
-        if ordering.operations > _MOST_OPERATIONS:
+        if ordering.factor_entries > _LARGEST_FACTOR:
             return BlockSolver(matrix, definite, tolerance)
     return DirectSolver(matrix, definite, tolerance, ordering)

@@ -92,7 +92,9 @@ def measure(options):
     method = options.methods[0]
     clock = time.process_time
     start = clock()
-    ordering = Ordering.of(step.matrix, system.definite) if method == "direct+ordering" else None
+    layout = model.space.layout
+    nodes = np.concatenate([np.tile(np.arange(layout.nodes[f.name]), f.components) for f in layout.fields])
+    ordering = Ordering.of(step.matrix, system.definite, nodes[system.free]) if method == "direct+ordering" else None
     ordering_time, start = clock() - start, clock()
     if method in ("direct", "direct+ordering", "krylov"):
         solver = make_solver(step.matrix, system.definite, method.partition("+")[0], options.tolerance, ordering)

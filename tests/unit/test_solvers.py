@@ -200,6 +200,15 @@ def test_wrong_right_sides_are_refused(rhs):
         solver.solve(rhs)
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_no_columns_are_no_work_and_a_broken_guess_is_refused(method):
+    matrix, definite, scale = flow(3)
+    solver = make_solver(matrix, definite, method)
+    assert solver.solve(np.empty((len(scale), 0))).shape == (len(scale), 0)
+    with pytest.raises(ShapeError, match="guess"):
+        solver.solve(scale, guess=np.full(len(scale), np.nan))
+
+
 def test_an_ordering_survives_pickling_and_serves_other_values():
     rng = np.random.default_rng(8)
     matrix, definite, scale = flow(6)
