@@ -1,6 +1,7 @@
 """From training trajectories to a Background: one POD for each field, the data read in passes."""
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from dacore.core.arrays import Array
 from dacore.core.background import Background
 from dacore.core.model import Trajectory
 from dacore.core.parameters import ParameterSpace
+from dacore.core.reduced import ReducedSpace
 from dacore.core.space import Product, StateSpace
 from dacore.errors import AccuracyError, ShapeError
 
@@ -20,6 +22,7 @@ def compress(
     samples: Array,
     tolerance: float = 1e-6,
     kind: Product = "l2",
+    threads: int = 1,
 ) -> Background:
     """Compress training trajectories field by field.
 
@@ -36,6 +39,8 @@ def compress(
     tolerance : float
         Relative mean-square error of each field, checked on all the data.
     kind : {"l2", "h1"}
+    threads : int
+        Fields decomposed at the same time; the result does not depend on it.
 
     Raises
     ------
@@ -46,11 +51,16 @@ def compress(
         raise ShapeError("training: got no trajectory, expected at least one")
     times = trajectories[0].times
     count = len(times) * len(trajectories)
-    bases = {}
-    for field in space.fields:
-        block = space.layout.block(field.name)
+
+    def decompose(name: str) -> ReducedSpace:
+        block = space.layout.block(name)
         stream = (trajectory.states[block] for trajectory in trajectories)
-        bases[field.name] = hapod(stream, space.field_product(field.name, kind), tolerance, count)
+        return hapod(stream, products[name], tolerance, count)
+
+    names = [field.name for field in space.fields]
+    products = {name: space.field_product(name, kind) for name in names}
+    with ThreadPoolExecutor(max_workers=threads) as pool:
+        bases = dict(zip(names, pool.map(decompose, names), strict=True))
     coefficients = np.empty((sum(basis.dimension for basis in bases.values()), len(times), len(trajectories)))
     totals = dict.fromkeys(bases, 0.0)
     left = dict.fromkeys(bases, 0.0)

@@ -70,7 +70,7 @@ def quantity(
     rows = list(dict.fromkeys(panel.row for panel in panels))
     size = min(3.1, (WIDTH - 0.9) / len(columns))
     figure, grid = sheet(
-        len(rows), len(columns), size * len(rows) + 0.9, caption, width=max(4.2, size * len(columns) + 0.9),
+        len(rows), len(columns), (size + 0.3) * len(rows) + 0.9, caption, width=max(4.2, size * len(columns) + 0.9),
         sharex=True, sharey=True,
     )  # fmt: skip
     low, high = _range(panels, prior)

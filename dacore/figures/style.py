@@ -159,12 +159,12 @@ def family(axes: Axes, x: Array | IntArray, values: Array, index: int, label: st
     axes.plot(places, np.nanmedian(curves, axis=0), label=pretty(label), **(style | options))
 
 
-def log_axis(axes: Axes, which: str = "y", plain: bool = False) -> None:
+def log_axis(axes: Axes, which: str = "y", plain: bool = False, ticks: int = 12) -> None:
     """Make an axis logarithmic with few labels, as powers of ten or as plain numbers (0.1, 1, 10)."""
     axis = axes.yaxis if which == "y" else axes.xaxis
     axes.set_yscale("log") if which == "y" else axes.set_xscale("log")
-    axis.set_major_locator(LogLocator(numticks=12))
-    axis.set_minor_locator(LogLocator(subs="auto", numticks=12))
+    axis.set_major_locator(LogLocator(numticks=ticks))
+    axis.set_minor_locator(LogLocator(subs="auto", numticks=ticks))
     axis.set_minor_formatter(NullFormatter())
     if plain:
         axis.set_major_formatter(FuncFormatter(lambda value, _: percent_text(value).removesuffix(" %")))

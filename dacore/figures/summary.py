@@ -45,7 +45,7 @@ def summary(
         unit = (units or {}).get(name, "%")
         shown = np.asarray(values, dtype=np.float64) * (100.0 if unit == "%" else 1.0)
         shown = np.where(shown > 0, shown, np.nan)
-        log_axis(axes, "x", plain=True)
+        log_axis(axes, "x", plain=True, ticks=4)
         for place in places[:-1]:
             axes.axhline(place - 0.5, color="#ECECEC", linewidth=0.8, zorder=0)
         for column, level in enumerate(noise_levels):

@@ -11,6 +11,7 @@ import numpy as np
 
 from dacore.core.model import ForwardModel
 from dacore.core.parameters import Parameters
+from dacore.studies.errors import ErrorMeter
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class Refinement:
     factor : int
         The finer computation has this many steps for each.
     differences : mapping of str to float
-        For each field.
+        For each field and contrast.
     parameters : mapping of str to float
         Where it was measured.
     """
@@ -32,7 +33,9 @@ class Refinement:
     parameters: Mapping[str, float]
 
 
-def time_refinement(coarse: ForwardModel, fine: ForwardModel, parameters: Parameters, factor: int) -> Refinement:
+def time_refinement(
+    coarse: ForwardModel, fine: ForwardModel, parameters: Parameters, factor: int, meter: ErrorMeter
+) -> Refinement:
     """Compare a model with one of finer steps at the coarse model's recorded times.
 
     Parameters
@@ -41,14 +44,12 @@ def time_refinement(coarse: ForwardModel, fine: ForwardModel, parameters: Parame
         On the same space; `fine` records `factor` times as many steps.
     parameters : mapping of str to float
     factor : int
+    meter : ErrorMeter
+        Measures the difference; the finer computation is the reference.
     """
     one, other = coarse.solve(parameters).states, fine.solve(parameters).states[:, factor - 1 :: factor]
-    space = coarse.space
-    differences = {}
-    for field in space.fields:
-        product = space.field_product(field.name)
-        block = space.layout.block(field.name)
-        error, size = one[block] - other[block], other[block]
-        ratio = np.einsum("ij,ij->", error, product @ error) / np.einsum("ij,ij->", size, product @ size)
-        differences[field.name] = float(np.sqrt(ratio))
+    pairs = meter.errors(one - other, meter.reference(other))
+    differences = {
+        label: float(np.sqrt((above**2).sum() / (below**2).sum())) for label, (above, below) in pairs.items()
+    }
     return Refinement(factor, differences, dict(parameters))

@@ -17,21 +17,12 @@ from dacore.core.estimator import Estimate, PreparedEstimator
 from dacore.core.model import Trajectory
 from dacore.core.observation import Functionals
 from dacore.core.quantity import QuantityOfInterest
-from dacore.core.space import Product, StateSpace
+from dacore.core.space import StateSpace
 from dacore.errors import ShapeError
+from dacore.studies.errors import Contrast, ErrorMeter
 
 PRIOR = "prior"
-JOINT = "joint"
 Progress = Callable[[int, int], None]
-
-
-@dataclass(frozen=True)
-class Contrast:
-    """An error of a field relative to its distance from a constant: p − p_csf."""
-
-    label: str
-    field: str
-    constant: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +187,7 @@ def validate(
     prior = Estimate(background, steps, np.repeat(background.mean()[:, :, None], count, axis=2))
     jobs.insert(0, (PRIOR, 0.0, prior, 0.0))
     weights = balanced_weights(background)
-    meter = _Meter(space, background.kind, contrasts, weights)
+    meter = ErrorMeter(space, background.kind, contrasts, weights)
     tables: list[list[dict[str, tuple[Array, Array]]]] = [[] for _ in jobs]
     for case, truth in enumerate(truths):
         reference = meter.reference(truth.states)
@@ -251,46 +242,3 @@ def _outcome(
 def _quantity_of(quantity: QuantityOfInterest, space: StateSpace, states: Array) -> float:
     values = quantity.functionals(space)(states)
     return float((quantity.time_weights(states.shape[1]) @ values[0])[0])
-
-
-class _Meter:
-    """Norms of fields, contrasts and the joint state at each step."""
-
-    def __init__(
-        self, space: StateSpace, kind: Product, contrasts: Sequence[Contrast], weights: Mapping[str, float]
-    ) -> None:
-        self.space, self.kind, self.contrasts, self.weights = space, kind, contrasts, weights
-        names = [field.name for field in space.fields]
-        joint = (JOINT,) if len(names) > 1 else ()
-        self.labels = (*names, *(contrast.label for contrast in contrasts), *joint)
-
-    def norms(self, states: Array) -> dict[str, Array]:
-        out = {}
-        for field in self.space.fields:
-            product = self.space.scalar_product(field.name, self.kind)
-            total = np.zeros(states.shape[1])
-            for component in range(field.components):
-                part = states[self.space.layout.component(field.name, component)]
-                total += np.einsum("ij,ij->j", part, product @ part)
-            out[field.name] = np.sqrt(np.maximum(total, 0.0))
-        return out
-
-    def reference(self, states: Array) -> dict[str, Array]:
-        out = self.norms(states)
-        for contrast in self.contrasts:
-            shifted = states.copy()
-            shifted[self.space.layout.block(contrast.field)] -= contrast.constant
-            out[contrast.label] = self.norms(shifted)[contrast.field]
-        out[JOINT] = self._joint(out)
-        return out
-
-    def errors(self, difference: Array, reference: Mapping[str, Array]) -> dict[str, tuple[Array, Array]]:
-        norms = self.norms(difference)
-        for contrast in self.contrasts:
-            norms[contrast.label] = norms[contrast.field]
-        norms[JOINT] = self._joint(norms)
-        return {label: (norms[label], reference[label]) for label in self.labels}
-
-    def _joint(self, norms: Mapping[str, Array]) -> Array:
-        squares = sum(self.weights[f.name] * norms[f.name] ** 2 for f in self.space.fields)
-        return np.asarray(np.sqrt(squares))

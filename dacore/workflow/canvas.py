@@ -16,6 +16,7 @@ from dacore.geometry.cut import cut_plane, planar_domain
 from dacore.pipeline.runner import Runner
 from dacore.studies.validation import Outcome, Validation
 from dacore.workflow.build import Builder
+from dacore.workflow.drawn import unit_text
 from dacore.workflow.tables import name_of
 
 
@@ -115,7 +116,7 @@ class Canvas:
 
     def quantity_unit(self, name: str) -> str:
         """Unit of a quantity."""
-        return self.builder.quantities[name].functionals(self.background.space).unit
+        return unit_text(self.builder.quantities[name].functionals(self.background.space).unit)
 
     def outcomes(self, level: float) -> list[Outcome]:
         """Outcomes of the estimators at one noise level, in the order of the scene."""
@@ -134,7 +135,7 @@ class Canvas:
         """Truth and estimate of a field on a cut: the length of a vector, a scalar less its contrast's constant."""
         one = self.values(view, truth, field)[0]
         other = self.values(view, estimate, field)[0]
-        unit = self.background.space.layout.field(field).unit
+        unit = unit_text(self.background.space.layout.field(field).unit)
         label = f"{name_of(self.builder, outcome.estimator)}"
         if len(one) > 1:
             size = np.linalg.norm(one, axis=0)

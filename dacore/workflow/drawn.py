@@ -33,3 +33,8 @@ def tag(level: float) -> str:
 def error_name(label: str) -> str:
     """What a figure calls the error of a field or contrast."""
     return f"e_{label}" if label.isidentifier() else f"e of {label}"
+
+
+def unit_text(unit: str) -> str:
+    """A unit as it is printed: "dyn/cm^2" becomes "dyn/cm²"."""
+    return unit.replace("^2", "²").replace("^3", "³")

@@ -9,7 +9,8 @@ from dacore.figures.style import png
 from dacore.io.atomic import atomic_write
 from dacore.io.fields import write_series, write_vtu
 from dacore.pipeline.runner import Runner
-from dacore.studies.validation import JOINT, PRIOR, Validation
+from dacore.studies.errors import JOINT
+from dacore.studies.validation import PRIOR, Validation
 from dacore.workflow.build import Builder
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.drawn import Drawn, tag

@@ -9,7 +9,7 @@ from dacore.figures.voxels import measured_slice
 from dacore.geometry.cut import cut_plane
 from dacore.studies.validation import PRIOR
 from dacore.workflow.canvas import Canvas
-from dacore.workflow.drawn import Drawn, tag
+from dacore.workflow.drawn import Drawn, tag, unit_text
 from dacore.workflow.tables import name_of, noise_name, percent
 
 
@@ -32,7 +32,8 @@ def draw_measured(canvas: Canvas) -> list[Drawn]:
         Drawn(
             "measured_slice",
             measured_slice(
-                view, f.centres, f.directions, f.spacing, values, f.unit, caption=f"{canvas.caption} · {when}"
+                view, f.centres, f.directions, f.spacing, values, unit_text(f.unit),
+                caption=f"{canvas.caption} · {when}",
             ),
             f"What is measured: {f.count} averages over {f.n_sites} voxels of "
             f"{' × '.join(f'{s:g}' for s in f.spacing)} cm at {when}. Nothing else of the state is known.",
@@ -85,8 +86,9 @@ def draw_hero(canvas: Canvas) -> list[Drawn]:
     step = canvas.step_at(canvas.builder.scene.report.worst_time)
     case = int(np.argsort(best.space_time[label])[len(best.space_time[label]) // 2])
     f = canvas.functionals
-    spread = [np.abs(f.directions[:, k]).sum() for k in range(f.directions.shape[1])]
-    chosen = f.directions[:, int(np.argmax(spread)) if min(spread) == 0 else min(1, len(spread) - 1)] == 1
+    axes = np.abs(f.directions).argmax(axis=1)
+    along = 1 if (axes == 1).any() else int(axes[0])
+    chosen = (axes == along) & (np.abs(f.directions[:, along]) > 0.99)
     flat = View(cut_plane(cells.points, cells.cells, axis, float(places[len(places) // 2])), canvas.frame)
     view = canvas.view()
     truth = canvas.runner["truth"][case].states[:, step]
@@ -95,7 +97,8 @@ def draw_hero(canvas: Canvas) -> list[Drawn]:
     field = canvas.background.space.fields[0]
     figure = hero(
         Measured(
-            flat, f.centres[chosen], f.spacing, f_values, f"measured {field.name}", f.unit,
+            flat, f.centres[chosen], f.spacing, f_values, f"measured {field.name}_{canvas.frame.names[along]}",
+            unit_text(f.unit),
             f"{f.n_sites} voxels, {noise_name(level)}",
         ),
         Hidden(

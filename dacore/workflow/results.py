@@ -18,6 +18,7 @@ from dacore.core.observation import Functionals
 from dacore.estimators.pbdw import PreparedPBDW
 from dacore.io.atomic import atomic_write
 from dacore.pipeline.runner import Runner
+from dacore.studies.errors import JOINT
 from dacore.studies.validation import PRIOR, Outcome, Validation
 from dacore.workflow.build import Builder
 
@@ -66,7 +67,7 @@ def summarise(builder: Builder, runner: Runner, seconds: float) -> dict[str, Any
         refinement = runner["refinement"]
         summary["discretisation_error_in_time"] = {
             "steps_divided_by": refinement.factor,
-            "relative_difference": dict(refinement.differences),
+            "relative_difference": {name: value for name, value in refinement.differences.items() if name != JOINT},
             "parameters": dict(refinement.parameters),
         }
     return summary

@@ -8,13 +8,12 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from dacore.io.atomic import make_folder
-from dacore.io.scene import read_scene
-from dacore.pipeline.runner import PlannedStage, Runner
-from dacore.workflow.build import Builder
+from dacore.pipeline.runner import PlannedStage
 from dacore.workflow.machine import usable_cores
 from dacore.workflow.report_parts import Table
 from dacore.workflow.results import summarise, write_json
-from dacore.workflow.stages import ProgressBoard, scene_pipeline, targets
+from dacore.workflow.session import open_scene
+from dacore.workflow.stages import ProgressBoard, targets
 
 
 @dataclass(frozen=True)
@@ -61,12 +60,10 @@ def run_scene(
     # Drawing needs matplotlib; a plan does not.
     from dacore.workflow.output import publish, tables
 
-    builder = Builder(read_scene(path, changes), str(path), path.parent)
-    builder.check()
-    make_folder(out)
     board = board or ProgressBoard()
-    pipeline = scene_pipeline(builder, workers or usable_cores(), board)
-    runner = Runner(pipeline, cache or out / "cache", board.stage)
+    session = open_scene(path, changes, cache or out / "cache", workers or usable_cores(), board)
+    builder, runner = session.builder, session.runner
+    make_folder(out)
     # The dense work is many small factorisations: a second BLAS thread gains little on an idle machine and
     # costs ten times and more on a busy one. The cores go to the worker processes.
     with threadpool_limits(1):
@@ -84,6 +81,5 @@ def run_scene(
 
 def plan_scene(path: Path, changes: Sequence[str], out: Path, cache: Path | None = None) -> list[PlannedStage]:
     """Say what `run_scene` would do, stage by stage."""
-    builder = Builder(read_scene(path, changes), str(path), path.parent)
-    builder.check()
-    return Runner(scene_pipeline(builder), cache or out / "cache").plan(targets(builder))
+    session = open_scene(path, changes, cache or out / "cache")
+    return session.runner.plan(targets(session.builder))

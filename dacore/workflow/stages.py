@@ -20,8 +20,9 @@ from dacore.io.mesh_cache import read_mesh_cache, write_mesh_cache
 from dacore.io.scene import PluginTable
 from dacore.io.snapshots import TrajectoryStore
 from dacore.pipeline.stage import Codec, Pipeline, Results, Stage
+from dacore.studies.errors import Contrast, ErrorMeter
 from dacore.studies.refinement import time_refinement
-from dacore.studies.validation import Contrast, validate
+from dacore.studies.validation import validate
 from dacore.workflow.build import Builder
 
 
@@ -97,7 +98,7 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
         settings = scene.training
         return compress(
             results["model"].space, training, results["parameters"], training.samples, settings.tolerance,
-            settings.product,
+            settings.product, workers,
         )  # fmt: skip
 
     def make_prepared(name: str) -> Any:
@@ -107,19 +108,22 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
 
         return prepare
 
-    def make_validation(results: Results, _: Path) -> Any:
+    def contrasts(results: Results) -> list[Contrast]:
         parameters = results["parameters"]
-        contrasts = []
+        out = []
         for table in scene.validation.contrasts:
             if not parameters[table.minus].fixed:
                 raise SceneError(
                     f"{builder.where}: validation.contrasts: {table.minus} varies, expected a fixed parameter"
                 )
-            contrasts.append(Contrast(f"{table.field} − {table.minus}", table.field, parameters[table.minus].low))
+            out.append(Contrast(f"{table.field} − {table.minus}", table.field, parameters[table.minus].low))
+        return out
+
+    def make_validation(results: Results, _: Path) -> Any:
         return validate(
             results["background"], results["functionals"],
             {name: results[f"prepared.{name}"] for name in scene.estimator}, results["truth"], builder.quantities,
-            contrasts, scene.noise.levels, scene.noise.seed, show.meter("errors"),
+            contrasts(results), scene.noise.levels, scene.noise.seed, show.meter("errors"),
         )  # fmt: skip
 
     def make_refinement(results: Results, _: Path) -> Any:
@@ -128,7 +132,10 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
             raise SceneError(f"{builder.where}: validation.refine_time: this model steps by itself; set it to 0")
         middle = {p.name: float(p.quantile(np.array(0.5))) for p in results["parameters"].parameters}
         factor = scene.validation.refine_time
-        return time_refinement(model, builder.march(model.model, factor), middle, factor)
+        meter = ErrorMeter(
+            model.space, scene.training.product, contrasts(results), {f.name: 1.0 for f in model.space.fields}
+        )
+        return time_refinement(model, builder.march(model.model, factor), middle, factor, meter)
 
     stages = [
         Stage(
@@ -179,8 +186,8 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
             make_validation, purpose="errors on unseen cases",
         ),
         Stage(
-            "refinement", ("model", "parameters"), {"factor": scene.validation.refine_time}, make_refinement,
-            purpose="discretisation error in time",
+            "refinement", ("model", "parameters"), scene.validation.model_dump(include={"refine_time", "contrasts"}),
+            make_refinement, purpose="discretisation error in time",
         ),
     ]  # fmt: skip
     return Pipeline(stages)

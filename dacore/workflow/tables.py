@@ -5,9 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from dacore.core.space import StateSpace
+from dacore.studies.errors import JOINT
 from dacore.studies.refinement import Refinement
 from dacore.studies.validation import PRIOR, Outcome, Validation
 from dacore.workflow.build import Builder
+from dacore.workflow.drawn import unit_text
 from dacore.workflow.report_parts import Cell, Table, Tone
 
 
@@ -43,7 +45,7 @@ def error_table(
     builder: Builder, space: StateSpace, validation: Validation, level: float, labels: Sequence[str]
 ) -> Table:
     """Space–time errors `labels`, mean and worst over the cases, and quantities, at one noise level."""
-    units = {name: builder.quantities[name].functionals(space).unit for name in builder.scene.quantity}
+    units = {name: unit_text(builder.quantities[name].functionals(space).unit) for name in builder.scene.quantity}
     titles = [f"{quantity_title(builder, name)}, rms (max) [{unit}]" for name, unit in units.items()]
     headers = ["estimate", *(f"e of {label}" for label in labels), *titles]
     prior = validation.outcome(PRIOR, level)
@@ -65,9 +67,9 @@ def error_table(
 
 def refinement_table(refinement: Refinement) -> Table:
     """Discretisation error in time, to hold beside every reconstruction error."""
-    rows = [[name, percent(value)] for name, value in refinement.differences.items()]
+    rows = [[name, percent(value)] for name, value in refinement.differences.items() if name != JOINT]
     return Table(
-        ["field", "relative space–time difference"],
+        ["of", "relative space–time difference"],
         rows,
         f"discretisation error in time: against {refinement.factor} times as many steps, mid-range parameters",
         "What the time step alone changes; the mesh is the same.",

@@ -1,0 +1,127 @@
+"""A scene with its results, each made when it is first asked for."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dacore.core.background import Background
+from dacore.core.estimator import PreparedEstimator
+from dacore.core.mesh import Mesh
+from dacore.core.model import ForwardModel, Trajectory
+from dacore.core.observation import Functionals
+from dacore.core.parameters import ParameterSpace
+from dacore.core.quantity import QuantityOfInterest
+from dacore.io.scene import Scene, read_scene
+from dacore.pipeline.runner import Runner
+from dacore.studies.validation import Validation
+from dacore.workflow.build import Builder
+from dacore.workflow.stages import ProgressBoard, scene_pipeline
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """A scene and its stages.
+
+    Nothing is computed on making; every property computes, or reads from the cache, what it needs.
+
+    Parameters
+    ----------
+    builder : Builder
+    runner : Runner
+    """
+
+    builder: Builder
+    runner: Runner
+
+    @property
+    def scene(self) -> Scene:
+        """The checked scene."""
+        return self.builder.scene
+
+    @property
+    def mesh(self) -> Mesh:
+        """The domain."""
+        made: Mesh = self.runner["domain"]
+        return made
+
+    @property
+    def model(self) -> ForwardModel:
+        """The forward model."""
+        made: ForwardModel = self.runner["model"]
+        return made
+
+    @property
+    def parameters(self) -> ParameterSpace:
+        """The model's parameters with the scene's ranges."""
+        made: ParameterSpace = self.runner["parameters"]
+        return made
+
+    @property
+    def background(self) -> Background:
+        """The compressed training set."""
+        made: Background = self.runner["background"]
+        return made
+
+    @property
+    def functionals(self) -> Functionals:
+        """What is measured; call it with states (n_dofs, ...) to measure them."""
+        made: Functionals = self.runner["functionals"]
+        return made
+
+    @property
+    def quantities(self) -> Mapping[str, QuantityOfInterest]:
+        """Numbers of interest by name."""
+        return self.builder.quantities
+
+    @property
+    def truth(self) -> Sequence[Trajectory]:
+        """Trajectories of the unseen cases."""
+        made: Sequence[Trajectory] = self.runner["truth"]
+        return made
+
+    @property
+    def validation(self) -> Validation:
+        """Errors of every estimator on the unseen cases."""
+        made: Validation = self.runner["validation"]
+        return made
+
+    def prepared(self, estimator: str) -> PreparedEstimator:
+        """Return an estimator of the scene, prepared for noise of unit standard deviation."""
+        made: PreparedEstimator = self.runner[f"prepared.{estimator}"]
+        return made
+
+
+def open_scene(
+    path: str | Path,
+    changes: Sequence[str] = (),
+    cache: str | Path | None = None,
+    workers: int = 1,
+    board: ProgressBoard | None = None,
+) -> Session:
+    """Open a scene for use from Python.
+
+    Parameters
+    ----------
+    path : str or Path
+        The scene in TOML.
+    changes : sequence of str
+        ``"key=value"`` changes to it, as ``--set`` on the command line.
+    cache : str or Path, optional
+        Folder of kept results; ``runs/NAME/cache``, as on the command line, by default.
+    workers : int
+        Processes for solving. A script that asks for more than one needs
+        ``if __name__ == "__main__":`` around its work.
+    board : ProgressBoard, optional
+        Where progress is shown.
+
+    Raises
+    ------
+    SceneError
+        Names the key, what was given and what is allowed.
+    """
+    file = Path(path)
+    builder = Builder(read_scene(file, changes), str(file), file.parent)
+    builder.check()
+    show = board or ProgressBoard()
+    folder = Path(cache) if cache is not None else Path("runs") / file.stem / "cache"
+    return Session(builder, Runner(scene_pipeline(builder, workers, show), folder, show.stage))
