@@ -73,10 +73,16 @@ def modes_of(
         basis = np.concatenate([basis, modes], axis=1)
         weighted_basis = np.concatenate([weighted_basis, weighted_modes], axis=1)
         coefficients = np.concatenate([coefficients, found])
-        left = np.sqrt(max(float(np.einsum("ij,ij->", residual, weighted)) - float((found**2).sum()), 0.0))
-        if left <= target or basis.shape[1] >= limit:
+        size = float(np.einsum("ij,ij->", residual, weighted))
+        left = np.sqrt(max(size - float((found**2).sum()), 0.0))
+        # The difference of squares is exact enough to stop on only where it is not all cancellation.
+        resolved = left > 1e-6 * np.sqrt(size)
+        if (left <= target and resolved) or basis.shape[1] >= limit:
             break
         residual, weighted = residual - modes @ found, weighted - weighted_modes @ found
+        left = np.sqrt(max(float(np.einsum("ij,ij->", residual, weighted)), 0.0))
+        if left <= target:
+            break
     if tolerance > 0 and basis.shape[1] < limit and left > 1.01 * target:
         raise AccuracyError(
             f"POD: {basis.shape[1]} modes leave a relative error of {left / np.sqrt(total):.1e}, "
