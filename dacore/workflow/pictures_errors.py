@@ -5,6 +5,7 @@ import numpy as np
 from dacore.figures.cycle import ErrorHistory, cycle_errors
 from dacore.figures.quantity import QuantityPanel, quantity
 from dacore.figures.summary import summary
+from dacore.studies.errors import JOINT
 from dacore.studies.validation import PRIOR
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.drawn import Drawn, error_name, tag
@@ -39,7 +40,7 @@ def draw_summary(canvas: Canvas) -> Drawn:
     names = list(canvas.builder.scene.estimator)
     prior = canvas.validation.outcome(PRIOR, 0.0)
     errors, guess, units = {}, {}, {}
-    for label in canvas.validation.errors:
+    for label in [each for each in canvas.validation.errors if each != JOINT]:
         table = [
             [canvas.validation.outcome(name, level).space_time[label].mean() for level in levels] for name in names
         ]
