@@ -10,7 +10,7 @@ from dacore.algebra.krylov import conjugate_gradients, flexible_gmres
 from dacore.algebra.linear_solver import LinearSolver
 from dacore.core.arrays import Array, BoolArray, Sparse
 
-_CYCLE = 50  # GMRES iterations before a restart: bounds the memory to a few hundred vectors
+_CYCLE = 50  # GMRES iterations before a restart: bounds the memory to a hundred vectors a column
 _CONJUGATE = 2000
 _LANCZOS = 20
 
@@ -47,7 +47,7 @@ class BlockSolver(LinearSolver):
         upper, lower = self._matrix[self._inner], self._matrix[self._outer]
         coupling, flow = csr_array(lower[:, self._inner]), csr_array(-lower[:, self._outer])
         block = csr_array(upper[:, self._inner])
-        low, self._high = _extremes(block)
+        low, self._high = _extremes(block) if len(self._inner) else (0.5, 1.0)
         # A polynomial of degree d damps a range of ratio about d²·8 well; below it GMRES does the work.
         self._terms = 2 if self._high < 60.0 * low else 4
         self._low = max(low, self._high / (10.0 * self._terms**2))

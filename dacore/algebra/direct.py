@@ -46,6 +46,7 @@ class DirectSolver(LinearSolver):
         if self._double:
             return False
         self._double = True
+        self.__dict__.pop("_factor", None)  # never both in memory
         self._factor = self._factorise(np.float64)
         return True
 

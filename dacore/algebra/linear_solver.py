@@ -15,9 +15,9 @@ _LEAST_GAIN = 0.25  # a correction that leaves more than this of a residual is n
 
 
 class LinearSolver(ABC):
-    """Solves A x = b for one symmetric quasi-definite matrix and many right-hand sides.
+    """Solves K x = b for one symmetric quasi-definite matrix K and many right-hand sides.
 
-    The system K x = b is scaled to D K D, where D makes the diagonals of A and of C + B diag(A)⁻¹ Bᵀ
+    The system is scaled to D K D, where D makes the diagonals of A and of C + B diag(A)⁻¹ Bᵀ
     one, and residuals are measured there: every column satisfies ‖D(b − K x)‖ ≤ tolerance · ‖D b‖.
     Equations in different units then count alike; the plain norm of a displacement–pressure system
     sees the momentum balance only. C may be as small as the pressures are well determined without it.
@@ -41,6 +41,8 @@ class LinearSolver(ABC):
         If the shapes, the tolerance, or the signs on the diagonal are not as stated.
     """
 
+    _memory: ClassVar[int] = 16  # solutions kept
+
     def __init__(self, matrix: Sparse, definite: BoolArray, tolerance: float) -> None:
         n = matrix.shape[0]
         if n == 0 or matrix.shape != (n, n) or definite.shape != (n,):
@@ -60,8 +62,6 @@ class LinearSolver(ABC):
         self._remembered = 0
         self._directions: Array = np.zeros((self._memory, n))
         self._images: Array = np.zeros((self._memory, n))
-
-    _memory: ClassVar[int] = 16  # solutions kept
 
     @property
     @abstractmethod
@@ -118,10 +118,13 @@ class LinearSolver(ABC):
 
     def _improve(self, load: Array, solution: Array, goal: Array) -> Array:
         """Correct a solution until the residual meets the goal."""
-        residual = load - self._matrix @ solution
+        residual = load - self._matrix @ solution if solution.any() else load.copy()
         self._recall(solution, residual)
         reached = np.linalg.norm(residual, axis=0)
-        while len(open_ := np.flatnonzero(reached > goal)):
+        if (reached <= goal).any():  # so far known by recurrence only
+            residual = load - self._matrix @ solution
+            reached = np.linalg.norm(residual, axis=0)
+        while len(open_ := np.flatnonzero(~(reached <= goal))):
             trial = solution[:, open_] + self._correct(residual[:, open_], goal[open_])
             left = load[:, open_] - self._matrix @ trial
             norms = np.linalg.norm(left, axis=0)
@@ -132,7 +135,7 @@ class LinearSolver(ABC):
             reached[chosen] = norms[better]
             if stuck.any() and not self._strengthen():
                 break
-        if (reached > goal).any():
+        if not (reached <= goal).all():  # NaN counts as missed
             worst = int(np.argmax(reached - goal))
             size = goal[worst] / self._tolerance
             raise ConvergenceError(

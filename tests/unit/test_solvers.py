@@ -130,6 +130,22 @@ def test_zero_right_sides_have_zero_solutions(method):
     assert solution[:, 1].any()
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_negative_definite_systems(method):
+    matrix = -laplacian(6)
+    wanted = np.random.default_rng(12).normal(size=matrix.shape[0])
+    solution = make_solver(csr_array(matrix), np.zeros(matrix.shape[0], dtype=bool), method, 1e-12).solve(
+        matrix @ wanted
+    )
+    np.testing.assert_allclose(solution, wanted, atol=1e-9)
+
+
+def test_a_guess_too_large_for_arithmetic_is_no_solution():
+    solver = make_solver(csr_array(np.array([[2.0, 1.0], [1.0, -2.0]])), np.array([True, False]), "direct")
+    with np.errstate(all="ignore"), pytest.raises(ConvergenceError, match="nan|inf"):
+        solver.solve(np.ones(2), guess=np.full(2, 1.1e308))
+
+
 @pytest.mark.parametrize("storage", [1e-6, 1e-10, 1e-13])
 def test_a_vanishing_storage_is_borne(storage):
     matrix, definite, scale = flow(6, storage)
