@@ -8,6 +8,7 @@ from concurrent.futures.process import BrokenProcessPool
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from dacore.algebra.threads import one_blas_thread
 from dacore.core.arrays import Array
 from dacore.core.model import ForwardModel, Trajectory
 from dacore.core.parameters import ParameterSpace, Sampling
@@ -67,7 +68,7 @@ def solve_all(
 
     points = {index: parameters.as_mapping(samples[index]) for index in missing}
     if workers <= 1 or len(missing) <= 1:
-        with threadpool_limits(1):
+        with one_blas_thread():
             for index in missing:
                 keep(index, _named(index, points[index], model))
         return len(missing)
@@ -93,7 +94,7 @@ def draw(parameters: ParameterSpace, count: int, sampling: Sampling, seed: int) 
 
 
 def _start_worker(model: ForwardModel) -> None:
-    threadpool_limits(1)
+    threadpool_limits(limits=1)
     _worker_model[:] = [model]
 
 

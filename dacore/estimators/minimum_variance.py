@@ -21,6 +21,8 @@ from dacore.core.noise import NoiseModel
 from dacore.core.observation import Functionals
 from dacore.errors import ShapeError
 
+SMALLEST_FLOOR = 1e-12
+
 
 @dataclass(frozen=True)
 class MinimumVariance(Estimator):
@@ -30,17 +32,18 @@ class MinimumVariance(Estimator):
     ----------
     window : {"cycle", "step"}
         Use the data of the whole trajectory at once, or each time step on its own.
-    floor : float
-        Smallest noise standard deviation taken, relative to the largest singular value: what the
-        training set leaves out acts like noise even when the data are exact.
+    floor : float or "held_out"
+        What the training set cannot represent acts like noise even when the data are exact. Its standard
+        deviation, relative to the largest singular value; or measured on training trajectories held out
+        in turn.
     """
 
     window: Literal["cycle", "step"] = "cycle"
-    floor: float = 1e-5
+    floor: float | Literal["held_out"] = "held_out"
 
     def __post_init__(self) -> None:
-        if not 0 < self.floor < 1:
-            raise ShapeError(f"floor: got {self.floor}, expected between 0 and 1")
+        if self.floor != "held_out" and not 0 < self.floor < 1:
+            raise ShapeError(f"floor: got {self.floor}, expected 'held_out' or a number between 0 and 1")
 
     def prepare(
         self, background: Background, functionals: Functionals, noise: NoiseModel, steps: IntArray | None = None
@@ -77,6 +80,13 @@ class PreparedMinimumVariance(PreparedEstimator):
             white = noise.marginal(mask).whiten(np.tensordot(observed[mask], self.anomalies, axes=1))
         windows = [white.reshape(-1, white.shape[2])] if settings.window == "cycle" else list(white.swapaxes(0, 1))
         self.factors = [np.linalg.svd(window, full_matrices=False) for window in windows]
+        self.floors = [self._floor(window, s[0]) for window, (_, s, _) in zip(windows, self.factors, strict=True)]
+
+    def _floor(self, white: Array, largest: float) -> float:
+        smallest = SMALLEST_FLOOR * largest
+        if self.settings.floor != "held_out":
+            return max(self.settings.floor * largest, smallest)
+        return max(unrepresented(white * np.sqrt(self.background.n_samples - 1)), smallest)
 
     @property
     def inf_sup(self) -> Array:
@@ -102,8 +112,8 @@ class PreparedMinimumVariance(PreparedEstimator):
             raise ShapeError("noise_scale: expected finite numbers of 0 or more")
         windows = [white.reshape(-1, k)] if self.settings.window == "cycle" else list(white.swapaxes(0, 1))
         weights = []
-        for (u, s, vt), window in zip(self.factors, windows, strict=True):
-            level = self.levels(s, scale)
+        for (u, s, vt), floor, window in zip(self.factors, self.floors, windows, strict=True):
+            level = self.levels(floor, scale)
             weights.append(vt.T @ (s[:, None] / (s[:, None] ** 2 + level**2) * (u.T @ window)))
         coefficients = np.repeat(self.mean[:, :, None], k, axis=2)
         if self.settings.window == "cycle":
@@ -115,13 +125,44 @@ class PreparedMinimumVariance(PreparedEstimator):
             diagnostics={"weights": np.stack(weights)},
         )  # fmt: skip
 
-    def levels(self, singular_values: Array, scale: Array) -> Array:
-        """Noise standard deviations (k,) in use, not below the floor."""
-        return np.asarray(np.maximum(scale, self.settings.floor * singular_values[0]))
+    def levels(self, floor: float, scale: Array) -> Array:
+        """Standard deviations (k,) of noise and of what the training set leaves out, together."""
+        return np.asarray(np.hypot(scale, floor))
+
+
+def unrepresented(values: Array, folds: int = 8) -> float:
+    """Root mean square, over data, of the part of held-out samples that the other samples cannot represent.
+
+    Parameters
+    ----------
+    values : (m, K) array
+        One sample a column.
+    folds : int
+        Groups of samples held out in turn.
+    """
+    count = values.shape[1]
+    if count < 3:
+        return 0.0
+    folds = min(folds, count)
+    total = 0.0
+    for fold in range(folds):
+        held_out = np.arange(count) % folds == fold
+        mean = values[:, ~held_out].mean(axis=1, keepdims=True)
+        basis, r = np.linalg.qr(values[:, ~held_out] - mean)
+        size = np.abs(np.diag(r))
+        basis = basis[:, size > 1e-12 * size.max(initial=0.0)]
+        left = values[:, held_out] - mean
+        left = left - basis @ (basis.T @ left)
+        total += float((left**2).sum())
+    return float(np.sqrt(total / values.size))
 
 
 class _Posterior(Uncertainty):
-    """Error covariance of the estimate under the training set's distribution."""
+    """Error covariance of the estimate under the training set's distribution.
+
+    What the training set cannot represent is counted where it disturbs the data (the floor), not in the
+    state itself: with exact data the claimed deviations are too small.
+    """
 
     def __init__(self, prepared: PreparedMinimumVariance, scale: Array) -> None:
         self.prepared, self.scale = prepared, scale
@@ -137,8 +178,8 @@ class _Posterior(Uncertainty):
         for series, scale in enumerate(self.scale):
             left = np.zeros((len(on_modes), p.background.n_samples))
             noise = np.zeros(len(on_modes))
-            for direction, (_, s, vt) in zip(groups, p.factors, strict=True):
-                level = float(p.levels(s, np.array([scale]))[0])
+            for direction, (_, s, vt), floor in zip(groups, p.factors, p.floors, strict=True):
+                level = float(np.hypot(scale, floor))
                 along = direction @ vt.T
                 left += direction - (along * (s**2 / (s**2 + level**2))) @ vt
                 noise += ((along * (s * level / (s**2 + level**2))) ** 2).sum(axis=1)

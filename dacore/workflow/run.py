@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from threadpoolctl import threadpool_limits
-
+from dacore.algebra.threads import one_blas_thread
 from dacore.io.atomic import make_folder
 from dacore.pipeline.runner import PlannedStage
 from dacore.workflow.machine import usable_cores
@@ -66,7 +65,7 @@ def run_scene(
     make_folder(out)
     # The dense work is many small factorisations: a second BLAS thread gains little on an idle machine and
     # costs ten times and more on a busy one. The cores go to the worker processes.
-    with threadpool_limits(1):
+    with one_blas_thread():
         for target in targets(builder):
             runner[target]
         summary = summarise(builder, runner, time.perf_counter() - started)

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from dacore.algebra.compress import compress
 from dacore.algebra.hapod import hapod
 from dacore.core.model import Trajectory
 from dacore.core.parameters import Parameter, ParameterSpace
 from dacore.errors import ShapeError
-from hypothesis import given
-from hypothesis import strategies as st
-
 from tests.spaces import Chain
 
 SPACE = ParameterSpace((Parameter("a", "1", 0.0, 1.0),))

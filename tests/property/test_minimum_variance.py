@@ -148,3 +148,16 @@ def test_bad_settings_are_refused():
         MinimumVariance().prepare(random_background(rng, space, samples=1), functionals, WhiteNoise())
     with pytest.raises(ShapeError, match="noise_scale"):
         MinimumVariance().prepare(background, functionals, WhiteNoise()).estimate(np.zeros((11, 5, 1)), -1.0)
+
+
+def test_exact_data_are_trusted_as_far_as_the_training_set_represents_unseen_cases():
+    """A trajectory of the training distribution: the claimed deviation is of the size of the error."""
+    rng = np.random.default_rng(5)
+    space = Chain(14)
+    # Rank 9 in all: twelve samples represent unseen ones of the same nine modes exactly, six do not.
+    rich, poor = (random_background(np.random.default_rng(6), space, samples=k) for k in (40, 5))
+    functionals = random_functionals(rng, space, 20)
+    floors = [MinimumVariance().prepare(b, functionals, WhiteNoise()).floors[0] for b in (rich, poor)]
+    largest = MinimumVariance().prepare(poor, functionals, WhiteNoise()).factors[0][1][0]
+    assert floors[0] < floors[1]
+    assert 1e-3 * largest < floors[1] < largest
