@@ -58,10 +58,12 @@ class MarchedModel(ForwardModel):
     method : {"auto", "direct", "krylov"}
     tolerance : float
         Relative residual of every solve.
+    ordering : Ordering, optional
+        Of the elimination, if it is known; found when first needed otherwise.
 
     Notes
     -----
-    A pickle holds the settings only; the matrices on the free dofs are made anew from them.
+    A pickle holds the settings and the ordering; the matrices on the free dofs are made anew.
     """
 
     def __init__(
@@ -72,22 +74,28 @@ class MarchedModel(ForwardModel):
         start: Start = "zero",
         method: Method = "auto",
         tolerance: float = 1e-10,
+        ordering: Ordering | None = None,
     ) -> None:
         if start not in ("zero", "steady"):
             raise ShapeError(f"start: got {start!r}, expected 'zero' or 'steady'")
         self.model, self.grid, self.scheme = model, grid, scheme or Newmark()
         self.start, self.method, self.tolerance = start, method, tolerance
         self._system = StepSystem(model, self.scheme, grid.step)
+        self._given = ordering
 
     @cached_property
-    def _ordering(self) -> Ordering | None:
+    def ordering(self) -> Ordering | None:
         """The order of elimination, which depends on the sparsity pattern alone: found once for all samples."""
-        if self.method == "krylov":
-            return None
-        return Ordering.of(self._system.at(self._system.middle).matrix, self._system.definite)
+        if self._given is not None or self.method == "krylov":
+            return self._given
+        layout = self.space.layout
+        nodes = [np.tile(np.arange(layout.nodes[field.name]), field.components) for field in layout.fields]
+        matrix = self._system.at(self._system.middle).matrix
+        return Ordering.of(matrix, self._system.definite, np.concatenate(nodes)[self._system.free])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return MarchedModel, (self.model, self.grid, self.scheme, self.start, self.method, self.tolerance)
+        settings = (self.model, self.grid, self.scheme, self.start, self.method, self.tolerance)
+        return MarchedModel, (*settings, self.ordering)
 
     @property
     def space(self) -> StateSpace:
@@ -179,7 +187,7 @@ class MarchedModel(ForwardModel):
         """March k motions with load amplitudes (n_loads, k): states (k, n_dofs, t)."""
         system, grid = self._system, self.grid
         step = system.at(parameters)
-        solver = make_solver(step.matrix, system.definite, self.method, self.tolerance, self._ordering)
+        solver = make_solver(step.matrix, system.definite, self.method, self.tolerance, self.ordering)
         count = grid.spin_up + grid.steps
         profiles = load_profiles(self.model.loads, grid.step * np.arange(1.0, count + 1.0))
         recorded = np.empty((amplitudes.shape[1], self.space.n_dofs, grid.steps))
