@@ -21,6 +21,7 @@ from dacore.workflow.build import Builder
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = (ROOT / "docs/scenes.md").read_text(encoding="utf-8")
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+TESTS = [*ROOT.glob("tests/*/test_*.py"), *ROOT.glob("plugins/*/tests/test_*.py")]
 REGISTRY = load()
 TABLES = {"domain": "Domain", "model": "Physics", "observation": "Observation", "quantity": "Quantity"} | {
     "estimator": "Estimator"
@@ -253,3 +254,41 @@ def test_the_example_of_the_readme_runs_and_does_what_it_says(clone):
 def test_every_python_example_of_the_docs_runs(page, clone):
     for block in blocks(page.read_text(encoding="utf-8"), "python"):
         run_block(block, clone)
+
+
+def test_every_erratum_names_tests_that_exist():
+    errata = sections((ROOT / "docs/method.md").read_text(encoding="utf-8"))["Errata"]
+    rows = [line.strip("|").split("|") for line in errata.splitlines() if line.startswith("|")][2:]
+    assert len(rows) > 15
+    assert {len(row) for row in rows} == {4}
+    code = "\n".join(file.read_text(encoding="utf-8") for file in TESTS)
+    for row in rows:
+        names = re.findall(r"`(test_\w+)`", row[3])
+        assert names or row[3].strip() == "–", row[0]
+        for name in names:
+            assert f"\ndef {name}(" in code, f"{row[0]}: no test {name}"
+
+
+def test_the_table_of_stages_is_that_of_the_code(tmp_path):
+    from dacore.workflow.session import open_scene
+
+    text = sections((ROOT / "docs/architecture.md").read_text(encoding="utf-8"))["Stages and keys"]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:3] == "| `"]
+    documented = {row[0].strip("`"): (row[1], bool(row[3])) for row in rows}
+    pipeline = open_scene(ROOT / "examples/toy/ball.toml", cache=tmp_path).runner.pipeline
+    found = {}
+    for stage in pipeline.stages:
+        needs = ", ".join(
+            dict.fromkeys(f"`{re.sub(r'^prepared[.].*', 'prepared.NAME', need)}`" for need in stage.needs)
+        )
+        kept = stage.codec is not None or stage.name in ("training", "truth")
+        found[re.sub(r"^prepared\..*", "prepared.NAME", stage.name)] = (needs, kept)
+    assert documented == found
+
+
+def test_paths_in_the_docs_exist():
+    for page in (ROOT / "docs").glob("*.md"):
+        for path in re.findall(
+            r"`((?:dacore|plugins|tests|docs|examples)/[\w./-]*)`", page.read_text(encoding="utf-8")
+        ):
+            assert (ROOT / path).exists(), f"{page.name}: {path}"
