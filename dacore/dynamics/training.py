@@ -74,10 +74,19 @@ def solve_all(
         return len(missing)
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(min(workers, len(missing)), context, _start_worker, (model,))
+    failure: ConvergenceError | None = None
     try:
         pending = {pool.submit(_solve_in_worker, index, points[index]): index for index in missing}
         for future in as_completed(pending):
-            keep(pending[future], future.result())
+            if future.cancelled():
+                continue
+            try:
+                keep(pending[future], future.result())
+            except ConvergenceError as error:
+                # What is being solved at this moment is still kept; the rest is not begun.
+                failure = failure or error
+                for other in pending:
+                    other.cancel()
     except BrokenProcessPool as error:
         raise ConvergenceError(
             f"a worker died with {done} of {len(samples)} trajectories done (out of memory?); "
@@ -85,6 +94,8 @@ def solve_all(
         ) from error
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+    if failure is not None:
+        raise failure
     return len(missing)
 
 

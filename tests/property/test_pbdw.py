@@ -89,6 +89,24 @@ def test_every_element_of_the_background_space_is_recovered(seed, variant, n):
         assert np.abs(found - truth).max() < 1e-10 / prepared.inf_sup[step] ** 2 * max(np.abs(truth).max(), 1)
 
 
+@given(seed=st.integers(0, 2**31), variant=st.sampled_from(VARIANTS), n=st.integers(1, 6))
+def test_correction_is_orthogonal_to_the_background_space_and_made_of_representers(seed, variant, n):
+    """η* ∈ W ∩ V_n^⊥, an intersection; the paper prints a sum of spaces."""
+    rng, space, background, functionals = setting(seed)
+    prepared = PBDW(n=n, weights={"p": 1e-2}, tails="training", **variant).prepare(
+        background, functionals, WhiteNoise()
+    )
+    estimate = prepared.estimate(rng.standard_normal((functionals.count, 5, 1)))
+    mass = space.inner_product({"u": 1.0, "p": 1e-2})
+    for step in range(5):
+        frame = prepared.frames[step if variant["spaces"] == "phase" else 0]
+        modes = background.lift(frame.modes[:, :n])
+        eta = estimate.riesz.lift(estimate.correction[:, step, 0])
+        size = float(np.sqrt(eta @ (mass @ eta)))
+        assert np.abs(modes.T @ (mass @ eta)).max() < 1e-10 * max(size, 1.0) / prepared.inf_sup[step]
+        assert not eta[space.layout.block("p")].any()
+
+
 @given(seed=st.integers(0, 2**31), m=st.integers(3, 12))
 def test_inf_sup_constants_never_rise_and_are_the_smallest_singular_values(seed, m):
     rng = np.random.default_rng(seed)

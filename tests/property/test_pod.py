@@ -48,6 +48,18 @@ def test_tolerance_is_met_below_what_one_gram_matrix_resolves(seed, exponent):
     assert np.sqrt(max(np.einsum("ij,ij->", residual, mass @ residual), 0)) <= 10.0**exponent * total * 1.02
 
 
+@given(seed=st.integers(0, 2**31), n=st.integers(1, 6))
+def test_projection_is_idempotent_and_leaves_a_residual_orthogonal_to_the_space(seed, n):
+    rng = np.random.default_rng(seed)
+    mass = product(15, rng)
+    space = pod(rng.standard_normal((15, 9)), mass).truncate(n)
+    state = rng.standard_normal((15, 3))
+    projected = space.lift(space.project(state))
+    scale = np.sqrt(np.einsum("ij,ij->j", state, mass @ state)).max()
+    assert np.abs(space.project(projected) - space.project(state)).max() < 1e-10 * scale
+    assert np.abs(space.basis.T @ (mass @ (state - projected))).max() < 1e-10 * scale
+
+
 def test_modes_follow_the_corrected_shape_not_the_printed_one():
     """Φ = A B Λ^(−1/2) spans the snapshots; the printed Λ^(−1/2) A B does not even have their shape."""
     rng = np.random.default_rng(0)
