@@ -165,7 +165,7 @@ SNIPPETS = [
 
 
 @pytest.mark.parametrize("snippet", SNIPPETS)
-def test_every_toml_snippet_is_a_scene_or_fits_onto_one(snippet, tmp_path, monkeypatch):
+def test_every_toml_snippet_is_a_scene_or_fits_onto_one(snippet, tmp_path):
     table = tomllib.loads(snippet)
     onto = re.match(r"# onto (\S+)\n", snippet)
     assert onto or snippet.startswith("# a whole scene\n"), "say in the first line what the snippet is"
@@ -183,6 +183,11 @@ def test_every_toml_snippet_is_a_scene_or_fits_onto_one(snippet, tmp_path, monke
         pytest.importorskip("pint")
     ranges = {each.name: (each.low, each.high) for each in builder.parameters(builder.physics).parameters}
     replace(builder.physics, ranges=ranges)  # refuses what is not physical
+    if table["domain"]["kind"] in ("ball", "box"):
+        space = builder.model(builder.domain.mesh()).space
+        assert builder.functionals(space).dropped >= 0  # refuses places outside the domain
+        for quantity in builder.quantities.values():
+            assert quantity.functionals(space).count == 1
 
 
 def merged(whole, part):
