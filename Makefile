@@ -59,7 +59,7 @@ $(VENV)/.demo: $(PROJECT)
 
 $(VENV)/.dev: $(VENV)/.demo
 	@echo "Installing the tools for tests and checks into $(VENV)"
-	@$(PIP) install -e '.[figures,amg,units,test,dev]' $(PLUGINS)
+	@$(PIP) install -e '.[figures,test,dev]' $(PLUGINS)
 	@touch $@
 
 .PHONY: .venv-made

@@ -31,9 +31,6 @@ class Chain(StateSpace):
             mass = mass + diags_array([-np.ones(n - 1), np.full(n, 2.0), -np.ones(n - 1)], offsets=[-1, 0, 1])
         return csr_array(mass)
 
-    def evaluation(self, points, field, derivative=None):
-        raise NotImplementedError
-
 
 def functionals_of(matrix) -> Functionals:
     """Wrap a matrix as functionals without geometry."""

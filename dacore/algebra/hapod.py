@@ -20,9 +20,8 @@ WIDTH = 480
 def hapod(blocks: Iterable[Array], product: Sparse, tolerance: float, steps: int, width: int = WIDTH) -> ReducedSpace:
     """Return modes of a stream of snapshots; at most `width` columns and the modes are held.
 
-    Each of N decompositions may leave tolerance/(2√N) of what it was given and the last one half of
-    the tolerance. What the earlier ones leave lies, but for rounding, across different directions,
-    so the squares add; the caller checks the true error, which takes a second look at the data.
+    Each of N decompositions on the way may leave tolerance/(2N) of all it stands for, the last one half of the
+    tolerance: by the triangle inequality the whole leaves no more than the tolerance.
 
     Parameters
     ----------
@@ -31,7 +30,7 @@ def hapod(blocks: Iterable[Array], product: Sparse, tolerance: float, steps: int
     tolerance : float
         Relative error in the mean-square sense.
     steps : int
-        Number of snapshots in all, to divide the tolerance.
+        Number of snapshots in all, by which the tolerance is divided among the decompositions.
     width : int
         Columns gathered before a decomposition.
 
@@ -40,7 +39,7 @@ def hapod(blocks: Iterable[Array], product: Sparse, tolerance: float, steps: int
     ReducedSpace
     """
     count = max(-(-steps // width), 1)
-    local = tolerance / (2.0 * np.sqrt(count))
+    local = tolerance / (2.0 * count)
     scaled: Array | None = None
     waiting: list[Array] = []
     for block in blocks:
@@ -49,7 +48,7 @@ def hapod(blocks: Iterable[Array], product: Sparse, tolerance: float, steps: int
             scaled, waiting = _scaled(scaled, waiting, product, local), []
     if scaled is None and not waiting:
         raise ShapeError("snapshots: got none, expected at least one")
-    return pod(_gather(scaled, waiting), product, tolerance / 2.0 if count > 1 else tolerance)
+    return pod(_gather(scaled, waiting), product, tolerance if scaled is None else tolerance / 2.0)
 
 
 def _gather(scaled: Array | None, waiting: list[Array]) -> Array:

@@ -11,6 +11,7 @@ from dacore.algebra.threads import one_blas_thread
 from dacore.core.arrays import Array, BoolArray, Sparse
 from dacore.errors import ConvergenceError, ShapeError
 
+_LEAST_NEWS = 1e-8  # a direction of which less than this is new would be mostly rounding
 _LEAST_GAIN = 0.25  # a correction that leaves more than this of a residual is not worth repeating
 
 
@@ -119,11 +120,10 @@ class LinearSolver(ABC):
     def _improve(self, load: Array, solution: Array, goal: Array) -> Array:
         """Correct a solution until the residual meets the goal."""
         residual = load - self._matrix @ solution if solution.any() else load.copy()
-        self._recall(solution, residual)
+        if self._remembered:
+            self._recall(solution, residual)
+            residual = load - self._matrix @ solution  # so far known by recurrence only
         reached = np.linalg.norm(residual, axis=0)
-        if (reached <= goal).any():  # so far known by recurrence only
-            residual = load - self._matrix @ solution
-            reached = np.linalg.norm(residual, axis=0)
         while len(open_ := np.flatnonzero(~(reached <= goal))):
             trial = solution[:, open_] + self._correct(residual[:, open_], goal[open_])
             left = load[:, open_] - self._matrix @ trial
@@ -170,7 +170,7 @@ class LinearSolver(ABC):
             image = image - weights @ self._images
         left = np.linalg.norm(image)
         # Below this the new part of the image is the error of the solver, not a new direction.
-        if left > 10.0 * self._tolerance:
+        if left > max(10.0 * self._tolerance, _LEAST_NEWS):
             self._directions[place], self._images[place] = direction / left, image / left
             self._remembered += 1
 

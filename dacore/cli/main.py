@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 from typing import Annotated, Any
 
+import click
 import typer
 
 from dacore import __version__
@@ -88,12 +89,15 @@ def main(arguments: list[str] | None = None) -> Any:
     """Run the command line; exit code 2 for a bad scene or command, 1 for another failure."""
     arguments = sys.argv[1:] if arguments is None else arguments
     try:
-        app(args=arguments, standalone_mode=True)
+        sys.exit(app(args=arguments, standalone_mode=False))
     except DacoreError as error:
         if "--debug" in arguments:
             raise
         typer.echo(f"error: {' '.join(str(error).split())}", err=True)
         sys.exit(2 if isinstance(error, SceneError | MissingDependencyError) else 1)
-    except KeyboardInterrupt:
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except (KeyboardInterrupt, click.exceptions.Abort):
         typer.echo("interrupted; what was finished is kept, run again to go on", err=True)
         sys.exit(130)

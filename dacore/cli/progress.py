@@ -67,11 +67,11 @@ class RichBoard(ProgressBoard):
         """Print the errors and where the results are."""
         for table in finished.tables:
             shown = RichTable(
-                title=table.caption, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False,
-                caption=table.note or None, caption_justify="left",
+                title=Text(table.caption), title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False,
+                caption=Text(table.note) if table.note else None, caption_justify="left",
             )  # fmt: skip
             for k, header in enumerate(table.headers):
-                shown.add_column(header, justify="left" if k == 0 else "right")
+                shown.add_column(Text(header), justify="left" if k == 0 else "right")
             for row in table.rows:
                 shown.add_row(*(_cell(cell) for cell in row))
             self.console.print(shown)

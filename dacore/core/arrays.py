@@ -4,7 +4,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csr_array, issparse
+from scipy.sparse import csr_array
 
 from dacore.errors import ShapeError
 
@@ -67,14 +67,3 @@ def check_shape(name: str, array: NDArray[Any], shape: tuple[int | None, ...]) -
     if not fits:
         wanted = "(" + ", ".join("any" if n is None else str(n) for n in shape) + ")"
         raise ShapeError(f"{name}: got shape {array.shape}, expected {wanted}")
-
-
-def as_sparse(name: str, matrix: Any, shape: tuple[int | None, int | None]) -> Sparse:
-    """Return `matrix` (sparse or dense) as a ``csr_array`` of float64 of the given shape."""
-    array = csr_array(matrix if issparse(matrix) else np.atleast_2d(np.asarray(matrix, dtype=np.float64)))
-    check_shape(name, array, shape)
-    if array.dtype != np.float64:
-        array = array.astype(np.float64)
-    if not np.isfinite(array.data).all():
-        raise ShapeError(f"{name}: the matrix holds NaN or infinite entries")
-    return array

@@ -1,13 +1,14 @@
 """Estimation: settings, the prepared (offline) half, and what comes out."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import norm
 
-from dacore.core.arrays import Array, BoolArray, IntArray
+from dacore.core.arrays import Array, BoolArray, IntArray, as_indices
 from dacore.core.background import Background
+from dacore.core.fields import Layout
 from dacore.core.noise import NoiseModel
 from dacore.core.observation import Functionals
 from dacore.core.quantity import QuantityOfInterest
@@ -62,8 +63,6 @@ class Estimate:
     riesz : Riesz, optional
         Needed where there is a correction.
     uncertainty : Uncertainty, optional
-    diagnostics : mapping, optional
-        Named arrays an estimator wants to show: chosen n, weights, misfit.
     """
 
     background: Background
@@ -72,7 +71,6 @@ class Estimate:
     correction: Array | None = None
     riesz: Riesz | None = None
     uncertainty: Uncertainty | None = None
-    diagnostics: dict[str, Array] = field(default_factory=dict)
 
     @property
     def n_series(self) -> int:
@@ -128,8 +126,36 @@ class Estimate:
         return centre - half, centre + half
 
 
+@dataclass(frozen=True, eq=False)
+class BackgroundSpace:
+    """A space V_n that an estimator uses, for reports: how well it approximates and how stably it is seen.
+
+    Parameters
+    ----------
+    modes : (r, N) array
+        Coefficients of the nested modes in the background's bases.
+    singular_values : (k,) array
+    tails : (N + 1,) array
+        ε̂_n for n = 0 … N.
+    inf_sup : (N,) array
+        β_n for n = 1 … N.
+    n : int
+        The dimension in use.
+    """
+
+    modes: Array
+    singular_values: Array
+    tails: Array
+    inf_sup: Array
+    n: int
+
+
 class PreparedEstimator(ABC):
     """The offline half done: fast for any number of data sets, and nothing changes it."""
+
+    def spaces(self) -> tuple[BackgroundSpace, ...]:
+        """Background spaces in use: one, one for each observed step, or none for an estimator without."""
+        return ()
 
     @property
     @abstractmethod
@@ -154,6 +180,17 @@ class PreparedEstimator(ABC):
 class Estimator(ABC):
     """Frozen settings of an estimator; a plugin class of the hook ``dacore_estimators``."""
 
+    def check(self, layout: Layout, samples: int) -> None:  # noqa: B027 (most estimators take any space)
+        """Raise ShapeError for settings that cannot work, before anything is trained.
+
+        Parameters
+        ----------
+        layout : Layout
+            Fields of the state.
+        samples : int
+            Number of training trajectories.
+        """
+
     @abstractmethod
     def prepare(
         self, background: Background, functionals: Functionals, noise: NoiseModel, steps: IntArray | None = None
@@ -169,6 +206,27 @@ class Estimator(ABC):
         steps : (t,) int array, optional
             Which of the background's times are observed; None for all.
         """
+
+
+def check_scale(noise_scale: Array | float, series: int) -> Array:
+    """Return the noise scale as (k,) numbers of 0 or more; ShapeError otherwise."""
+    scale = np.asarray(noise_scale, dtype=np.float64)
+    if scale.shape not in ((), (series,)) or not (np.isfinite(scale).all() and (scale >= 0).all()):
+        raise ShapeError(
+            f"noise_scale: got {noise_scale}, expected one finite number of 0 or more, or {series} of them"
+        )
+    return np.broadcast_to(scale, (series,))
+
+
+def observed_steps(background: Background, steps: IntArray | None) -> IntArray:
+    """Return which of the background's times are observed, all for None; ShapeError if they are none or not its own."""
+    count = len(background.times)
+    if steps is None:
+        return np.arange(count)
+    chosen = as_indices("steps", steps, (None,), count)
+    if len(chosen) == 0 or len(np.unique(chosen)) < len(chosen):
+        raise ShapeError(f"steps: got {len(chosen)}, expected at least one of {count} and none twice")
+    return chosen
 
 
 def check_data(data: Array, m: int, t: int) -> Array:

@@ -107,8 +107,11 @@ class CorrelatedNoise(NoiseModel):
     """
 
     def __init__(self, covariance: Array) -> None:
+        matrix = np.asarray(covariance, dtype=np.float64)
+        if matrix.ndim != 2 or not np.allclose(matrix, matrix.T, rtol=1e-10, atol=0.0):
+            raise ShapeError(f"noise: got a covariance of shape {matrix.shape}, expected a finite symmetric matrix")
         try:
-            self.factor = np.linalg.cholesky(covariance)
+            self.factor = np.linalg.cholesky(matrix)
         except np.linalg.LinAlgError as error:
             raise ShapeError("noise: the covariance is not symmetric positive definite") from error
 

@@ -1,6 +1,6 @@
 """Parameters of a model and how they are sampled."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -23,6 +23,8 @@ class Parameter:
     low, high : float
         Range of the distribution; equal for a fixed parameter.
     distribution : {"uniform", "log_uniform"}
+    admissible : callable, optional
+        Takes a value and raises ShapeError if the model cannot have it; asked for both ends of the range.
     """
 
     name: str
@@ -30,12 +32,16 @@ class Parameter:
     low: float
     high: float
     distribution: Literal["uniform", "log_uniform"] = "uniform"
+    admissible: Callable[[float], object] | None = None
 
     def __post_init__(self) -> None:
         if not (np.isfinite([self.low, self.high]).all() and self.low <= self.high):
             raise ShapeError(f"parameter {self.name}: got the range [{self.low}, {self.high}], expected low <= high")
         if self.distribution == "log_uniform" and self.low <= 0:
             raise ShapeError(f"parameter {self.name}: log_uniform needs low > 0, got {self.low}")
+        if self.admissible is not None:
+            for end in (self.low, self.high):
+                self.admissible(end)
 
     @property
     def fixed(self) -> bool:

@@ -54,9 +54,8 @@ class StateSpace(ABC):
     def scalar_product(self, field: str, kind: Product = "l2") -> Sparse:
         """Inner product (n_nodes, n_nodes) of one component of `field`, symmetric positive definite."""
 
-    @abstractmethod
     def evaluation(self, points: Array, field: str, derivative: int | None = None) -> Sparse:
-        """Values (or one partial derivative) of `field` at points.
+        """Values (or one partial derivative) of `field` at points (capability "points").
 
         Parameters
         ----------
@@ -75,6 +74,7 @@ class StateSpace(ABC):
         ShapeError
             If a point lies outside the domain; the message names the first.
         """
+        raise CapabilityError(f"{type(self).__name__} has no points in space; observe something else of it")
 
     def cells(self) -> CellGeometry:
         """Cells and local polynomials (capability "cells")."""
@@ -86,10 +86,10 @@ class StateSpace(ABC):
 
     @property
     def capabilities(self) -> frozenset[str]:
-        """Which optional capabilities the space has: "cells", "boundary"."""
-        own = {"cells": StateSpace.cells, "boundary": StateSpace.boundary_mean}
-        methods = {"cells": type(self).cells, "boundary": type(self).boundary_mean}
-        return frozenset(name for name in own if methods[name] is not own[name])
+        """Which optional capabilities the space has: "points", "cells", "boundary"."""
+        methods = {"points": "evaluation", "cells": "cells", "boundary": "boundary_mean"}
+        own, base = type(self), StateSpace
+        return frozenset(name for name, method in methods.items() if getattr(own, method) is not getattr(base, method))
 
     @property
     def fields(self) -> tuple[Field, ...]:

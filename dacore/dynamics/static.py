@@ -9,7 +9,7 @@ from dacore.core.model import AffineModel, combine
 from dacore.core.parameters import Parameters
 from dacore.dynamics.newmark import State
 from dacore.dynamics.system import load_profiles, stack
-from dacore.errors import CapabilityError
+from dacore.errors import CapabilityError, ConvergenceError
 
 
 def steady_state(
@@ -53,6 +53,11 @@ def steady_state(
         if not rows.size:
             continue
         right = force[rows] - stiffness[rows] @ state
+        if not np.abs(stiffness.diagonal()[rows]).min() > 0:
+            raise ConvergenceError(
+                "steady start: some equations vanish at rest (a permeability of zero?), so the state at rest is not "
+                "determined; start from zero instead"
+            )
         if right.any():
             state[rows] = _solve(stiffness, rows, right, method, tolerance)
     return state

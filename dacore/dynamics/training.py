@@ -1,6 +1,10 @@
 """Solve a model for many parameter vectors, in parallel processes, into a store."""
 
 import multiprocessing
+import os
+import signal
+import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -12,7 +16,7 @@ from dacore.algebra.threads import one_blas_thread
 from dacore.core.arrays import Array
 from dacore.core.model import ForwardModel, Trajectory
 from dacore.core.parameters import ParameterSpace, Sampling
-from dacore.errors import ConvergenceError
+from dacore.errors import ConvergenceError, DacoreError, ShapeError
 from dacore.io.snapshots import TrajectoryStore
 
 Progress = Callable[[int, int], None]
@@ -53,7 +57,7 @@ def solve_all(
     ConvergenceError
         Names the sample whose solve failed; what is done stays in the store.
     """
-    missing = [index for index in range(len(samples)) if index not in store]
+    missing = [index for index in range(len(samples)) if not store.intact(index)]
     done = len(samples) - len(missing)
     units = {field.name: field.unit for field in model.space.fields}
     if progress:
@@ -74,7 +78,7 @@ def solve_all(
         return len(missing)
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(min(workers, len(missing)), context, _start_worker, (model,))
-    failure: ConvergenceError | None = None
+    failure: DacoreError | None = None
     try:
         pending = {pool.submit(_solve_in_worker, index, points[index]): index for index in missing}
         for future in as_completed(pending):
@@ -82,7 +86,7 @@ def solve_all(
                 continue
             try:
                 keep(pending[future], future.result())
-            except ConvergenceError as error:
+            except DacoreError as error:
                 # What is being solved at this moment is still kept; the rest is not begun.
                 failure = failure or error
                 for other in pending:
@@ -106,7 +110,16 @@ def draw(parameters: ParameterSpace, count: int, sampling: Sampling, seed: int) 
 
 def _start_worker(model: ForwardModel) -> None:
     threadpool_limits(limits=1)
+    # Ctrl-C is the parent's affair; if the parent is killed, a worker must not wait for it for ever.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_leave_with, args=(os.getppid(),), daemon=True).start()
     _worker_model[:] = [model]
+
+
+def _leave_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(1.0)
+    os._exit(1)
 
 
 def _solve_in_worker(index: int, point: dict[str, float]) -> Trajectory:
@@ -114,8 +127,21 @@ def _solve_in_worker(index: int, point: dict[str, float]) -> Trajectory:
 
 
 def _named(index: int, point: dict[str, float], model: ForwardModel) -> Trajectory:
+    """Solve, check what comes out, and name the sample in whatever goes wrong."""
+    values = ", ".join(f"{name} = {value:.4g}" for name, value in point.items())
+    where = f"sample {index} ({values})"
     try:
-        return model.solve(point)
-    except ConvergenceError as error:
-        values = ", ".join(f"{name} = {value:.4g}" for name, value in point.items())
-        raise ConvergenceError(f"sample {index} ({values}): {error}") from error
+        trajectory = model.solve(point)
+    except DacoreError as error:
+        raise type(error)(f"{where}: {error}") from error
+    except Exception as error:
+        raise ConvergenceError(f"{where}: {type(error).__name__}: {error}") from error
+    wanted = (model.space.n_dofs, len(model.times))
+    if trajectory.states.shape != wanted or not np.array_equal(trajectory.times, model.times):
+        raise ShapeError(
+            f"{where}: the model gave states of shape {trajectory.states.shape} at {len(trajectory.times)} times, "
+            f"expected {wanted} at the model's own times"
+        )
+    if not np.isfinite(trajectory.states).all():
+        raise ConvergenceError(f"{where}: the model gave NaN or infinite states; check its parameters' ranges")
+    return trajectory

@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from dacore.core.arrays import Array, IntArray
+from dacore.core.arrays import Array, BoolArray
 from dacore.core.background import Background
 from dacore.core.reduced import relative_tails
 from dacore.errors import ShapeError
@@ -39,13 +39,13 @@ class Frame:
     tails: Array
 
 
-def offsets(background: Background, steps: IntArray, centring: Centring) -> Array:
-    """Offset coefficients (r, t): nothing, the mean of the cycle, or the mean of each phase."""
+def offset_of(coefficients: Array, centring: Centring) -> Array:
+    """Offset (r, t) of coefficients (r, t, K): nothing, the mean of the cycle, or the mean of each phase."""
     if centring == "none":
-        return np.zeros((background.dimension, len(steps)))
-    mean = background.mean()[:, steps]
+        return np.zeros(coefficients.shape[:2])
+    mean = np.asarray(coefficients.mean(axis=2))
     if centring == "cycle":
-        return np.repeat(mean.mean(axis=1, keepdims=True), len(steps), axis=1)
+        return np.repeat(mean.mean(axis=1, keepdims=True), mean.shape[1], axis=1)
     return mean
 
 
@@ -62,8 +62,7 @@ def field_weights(background: Background, weights: Weights, fluctuations: Array)
     """
     names = [field.name for field in background.space.fields]
     if weights == "balanced":
-        sizes = [np.linalg.norm(fluctuations[background.block(name)], axis=0).max() for name in names]
-        return {name: float((sizes[0] / size) ** 2) for name, size in zip(names, sizes, strict=True)}
+        return balanced_weights(background, fluctuations)
     if isinstance(weights, str):
         raise ShapeError(f"weights: got {weights!r}, expected 'balanced' or a number for each field")
     unknown = set(weights) - set(names)
@@ -75,56 +74,97 @@ def field_weights(background: Background, weights: Weights, fluctuations: Array)
     return {name: float(weights.get(name, 1.0)) for name in names}
 
 
-def joint_frame(fluctuations: Array, scale: Array, max_dimension: int) -> Frame:
-    """Joint POD of coefficients in the weighted product.
+def balanced_weights(background: Background, fluctuations: Array) -> dict[str, float]:
+    """ζ = (max‖u‖ / max‖p‖)² over training coefficients (r, ...); 1 for a field that does not vary."""
+    names = [field.name for field in background.space.fields]
+    sizes = [float(np.linalg.norm(fluctuations[background.block(name)], axis=0).max()) for name in names]
+    return {
+        name: (sizes[0] / size) ** 2 if size > 0 and sizes[0] > 0 else 1.0
+        for name, size in zip(names, sizes, strict=True)
+    }
+
+
+def build_frames(
+    coefficients: Array, offset: Array, scale: Array, spaces: Spaces, max_dimension: int
+) -> tuple[Frame, ...]:
+    """Joint POD of coefficients in the weighted product: one space, or one for each phase.
 
     Parameters
     ----------
-    fluctuations : (r, K) array
+    coefficients : (r, t, K) array
+    offset : (r, t) array
     scale : (r,) array
         Square roots of the weights.
+    spaces : {"cycle", "phase"}
     max_dimension : int
         Modes to keep; all singular values are kept.
+
+    Raises
+    ------
+    ShapeError
+        If the training set does not vary at all.
     """
-    vectors, values, _ = np.linalg.svd(scale[:, None] * fluctuations, full_matrices=False)
-    rank = int((values > 1e-13 * values[0]).sum()) if values[0] > 0 else 0
-    n = min(max_dimension, rank)
-    return Frame(vectors[:, :n] / scale[:, None], values, relative_tails(values))
+    fluctuations = scale[:, None, None] * (coefficients - offset[:, :, None])
+    if spaces == "phase":
+        sets = [fluctuations[:, k] for k in range(fluctuations.shape[1])]
+    else:
+        sets = [fluctuations.reshape(len(scale), -1)]
+    size = float(np.linalg.norm(scale[:, None, None] * coefficients))
+    return tuple(_frame(data, scale, max_dimension, size) for data in sets)
 
 
-def cross_validated_tails(
-    fluctuations: Array, scale: Array, samples: IntArray, max_dimension: int, folds: int = 8
-) -> Array:
-    """ε̂_n measured on trajectories held out, n = 0 … max_dimension.
+def _frame(scaled: Array, scale: Array, max_dimension: int, size: float) -> Frame:
+    vectors, values, _ = np.linalg.svd(scaled, full_matrices=False)
+    rank = int((values > 1e-13 * values[0]).sum())
+    # What is left of equal trajectories less their mean is rounding.
+    if not values[0] > 1e-13 * size:
+        raise ShapeError(
+            "training set: all trajectories are the same, so there is no space to build; train on more than one "
+            "sample, or give a parameter a range"
+        )
+    return Frame(vectors[:, : min(max_dimension, rank)] / scale[:, None], values, relative_tails(values))
+
+
+def fold_masks(count: int, folds: int) -> list[BoolArray]:
+    """Split samples into groups to hold out in turn: masks (count,), none if there are too few."""
+    folds = min(folds, count)
+    return [np.arange(count) % folds == fold for fold in range(folds)] if count > 2 else []
+
+
+def held_out_tails(
+    coefficients: Array, centring: Centring, scale: Array, spaces: Spaces, max_dimension: int, folds: int = 8
+) -> list[Array]:
+    """ε̂_n of each space, measured on trajectories held out, n = 0 … max_dimension.
 
     A space of as many modes as there are samples represents its own training set exactly, so the
-    tail of the singular values says nothing about unseen cases; this one does.
+    tail of the singular values says nothing about unseen cases; this one does. The offset, too, is that
+    of the other trajectories.
 
     Parameters
     ----------
-    fluctuations : (r, N) array
+    coefficients : (r, t, K) array
+    centring : {"none", "cycle", "phase"}
     scale : (r,) array
-    samples : (N,) int array
-        The training trajectory that each column belongs to; it is left out as a whole.
+    spaces : {"cycle", "phase"}
     max_dimension : int
     folds : int
 
     Returns
     -------
-    (max_dimension + 1,) array
-        Continued with its last value where a fold has fewer modes.
+    list of (max_dimension + 1,) arrays
+        Continued with its last value where a fold has fewer modes; all ones for fewer than three samples.
     """
-    scaled = scale[:, None] * fluctuations
-    total = np.zeros(max_dimension + 1)
-    folds = min(folds, int(samples.max()) + 1)
-    for fold in range(folds if folds > 1 else 0):
-        held_out, others = scaled[:, samples % folds == fold], scaled[:, samples % folds != fold]
-        vectors, _, _ = np.linalg.svd(others, full_matrices=False)
-        parts = (vectors.T @ held_out) ** 2
-        outside = held_out - vectors @ (vectors.T @ held_out)
-        left = np.append(np.cumsum(parts.sum(axis=1)[::-1])[::-1], 0.0) + (outside**2).sum()
-        left = left[: max_dimension + 1]
-        total += np.pad(left, (0, max_dimension + 1 - len(left)), mode="edge")
-    if folds < 2 or total[0] == 0:
-        return np.ones(max_dimension + 1)
-    return np.asarray(np.sqrt(total / total[0]))
+    t = coefficients.shape[1]
+    totals = np.zeros((t if spaces == "phase" else 1, max_dimension + 1))
+    for mask in fold_masks(coefficients.shape[2], folds):
+        offset = offset_of(coefficients[:, :, ~mask], centring)
+        frames = build_frames(coefficients[:, :, ~mask], offset, scale, spaces, max_dimension)
+        held = scale[:, None, None] * (coefficients[:, :, mask] - offset[:, :, None])
+        for k, frame in enumerate(frames):
+            data = held[:, k] if spaces == "phase" else held.reshape(len(scale), -1)
+            vectors = scale[:, None] * frame.modes
+            parts = vectors.T @ data
+            rest = data - vectors @ parts
+            left = np.append(np.cumsum((parts**2).sum(axis=1)[::-1])[::-1], 0.0) + (rest**2).sum()
+            totals[k] += np.pad(left, (0, max_dimension + 1 - len(left)), mode="edge")
+    return [np.sqrt(row / row[0]) if row[0] > 0 else np.ones(max_dimension + 1) for row in totals]

@@ -10,16 +10,26 @@ per time step, or once for the whole space–time trajectory.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
 from dacore.core.arrays import Array, BoolArray, IntArray
 from dacore.core.background import Background
-from dacore.core.estimator import Estimate, Estimator, PreparedEstimator, Uncertainty, check_data
+from dacore.core.estimator import (
+    Estimate,
+    Estimator,
+    PreparedEstimator,
+    Uncertainty,
+    check_data,
+    check_scale,
+    observed_steps,
+)
 from dacore.core.noise import NoiseModel
 from dacore.core.observation import Functionals
 from dacore.errors import ShapeError
+from dacore.estimators.frames import fold_masks
 
 SMALLEST_FLOOR = 1e-12
 
@@ -36,10 +46,15 @@ class MinimumVariance(Estimator):
         What the training set cannot represent acts like noise even when the data are exact. Its standard
         deviation, relative to the largest singular value; or measured on training trajectories held out
         in turn.
+    deviations : {"held_out", "model"}
+        Where standard deviations come from: the errors on training trajectories held out in turn, plus the
+        noise that comes through; or the Gaussian posterior, which takes the training set's covariance for
+        the truth and claims too little where samples are few or data exact.
     """
 
     window: Literal["cycle", "step"] = "cycle"
     floor: float | Literal["held_out"] = "held_out"
+    deviations: Literal["held_out", "model"] = "held_out"
 
     def __post_init__(self) -> None:
         if self.floor != "held_out" and not 0 < self.floor < 1:
@@ -51,8 +66,7 @@ class MinimumVariance(Estimator):
         """Decompose the whitened observations of the training anomalies."""
         if background.n_samples < 2:
             raise ShapeError(f"training: got {background.n_samples} trajectory, expected at least 2 for a covariance")
-        observed = np.arange(len(background.times)) if steps is None else np.asarray(steps)
-        return PreparedMinimumVariance(self, background, functionals, noise, observed)
+        return PreparedMinimumVariance(self, background, functionals, noise, observed_steps(background, steps))
 
 
 class PreparedMinimumVariance(PreparedEstimator):
@@ -69,6 +83,8 @@ class PreparedMinimumVariance(PreparedEstimator):
     ) -> None:
         self.settings, self.background, self.functionals, self.noise = settings, background, functionals, noise
         self.steps, self.mask = steps, mask
+        if mask is not None and not mask.any():
+            raise ShapeError(f"mask: leaves none of {functionals.count} functionals; expected at least one")
         training = background.coefficients[:, steps]
         self.mean = training.mean(axis=2)
         self.anomalies = (training - self.mean[:, :, None]) / np.sqrt(background.n_samples - 1)
@@ -78,9 +94,33 @@ class PreparedMinimumVariance(PreparedEstimator):
             white = noise.whiten(np.tensordot(observed, self.anomalies, axes=1))
         else:
             white = noise.marginal(mask).whiten(np.tensordot(observed[mask], self.anomalies, axes=1))
-        windows = [white.reshape(-1, white.shape[2])] if settings.window == "cycle" else list(white.swapaxes(0, 1))
+        windows = self._windows(white)
+        self._white = windows
         self.factors = [np.linalg.svd(window, full_matrices=False) for window in windows]
         self.floors = [self._floor(window, s[0]) for window, (_, s, _) in zip(windows, self.factors, strict=True)]
+
+    def _windows(self, white: Array) -> list[Array]:
+        """Whitened values (m, t, k) in groups that are used together: (m · t, k), or t of (m, k)."""
+        if self.settings.window == "cycle":
+            return [white.reshape(-1, white.shape[2])]
+        return list(white.swapaxes(0, 1))
+
+    @cached_property
+    def held_out(self) -> list["_Fold"]:
+        """The same estimate without some trajectories, and what it makes of their exact data."""
+        count = self.background.n_samples
+        folds = []
+        for mask in fold_masks(count, 8):
+            others = int((~mask).sum())
+            anomalies = self.anomalies[:, :, ~mask]
+            mean = anomalies.mean(axis=2)
+            factors = []
+            for window in self._white:
+                middle = window[:, ~mask].mean(axis=1, keepdims=True)
+                u, s, vt = np.linalg.svd((window[:, ~mask] - middle) * _unit(count, others), full_matrices=False)
+                factors.append((s, vt, u.T @ (window[:, mask] - middle)))
+            folds.append(_Fold(mask, (anomalies - mean[:, :, None]) * _unit(count, others), mean, factors))
+        return folds
 
     def _floor(self, white: Array, largest: float) -> float:
         smallest = SMALLEST_FLOOR * largest
@@ -107,10 +147,8 @@ class PreparedMinimumVariance(PreparedEstimator):
             self.noise.whiten(values) if self.mask is None else self.noise.marginal(self.mask).whiten(values[self.mask])
         )
         k = data.shape[2]
-        scale = np.broadcast_to(np.asarray(noise_scale, dtype=np.float64), (k,))
-        if (scale < 0).any() or not np.isfinite(scale).all():
-            raise ShapeError("noise_scale: expected finite numbers of 0 or more")
-        windows = [white.reshape(-1, k)] if self.settings.window == "cycle" else list(white.swapaxes(0, 1))
+        scale = check_scale(noise_scale, k)
+        windows = self._windows(white)
         weights = []
         for (u, s, vt), floor, window in zip(self.factors, self.floors, windows, strict=True):
             level = self.levels(floor, scale)
@@ -120,10 +158,8 @@ class PreparedMinimumVariance(PreparedEstimator):
             coefficients += np.tensordot(self.anomalies, weights[0], axes=1)
         else:
             coefficients += np.einsum("rtj,tjk->rtk", self.anomalies, np.stack(weights), optimize=True)
-        return Estimate(
-            self.background, self.steps, coefficients, uncertainty=_Posterior(self, scale),
-            diagnostics={"weights": np.stack(weights)},
-        )  # fmt: skip
+        uncertainty = _Posterior(self, scale) if self.settings.deviations == "model" else _HeldOut(self, scale)
+        return Estimate(self.background, self.steps, coefficients, uncertainty=uncertainty)
 
     def levels(self, floor: float, scale: Array) -> Array:
         """Standard deviations (k,) of noise and of what the training set leaves out, together."""
@@ -140,13 +176,8 @@ def unrepresented(values: Array, folds: int = 8) -> float:
     folds : int
         Groups of samples held out in turn.
     """
-    count = values.shape[1]
-    if count < 3:
-        return 0.0
-    folds = min(folds, count)
     total = 0.0
-    for fold in range(folds):
-        held_out = np.arange(count) % folds == fold
+    for held_out in fold_masks(values.shape[1], folds):
         mean = values[:, ~held_out].mean(axis=1, keepdims=True)
         basis, r = np.linalg.qr(values[:, ~held_out] - mean)
         size = np.abs(np.diag(r))
@@ -155,6 +186,76 @@ def unrepresented(values: Array, folds: int = 8) -> float:
         left = left - basis @ (basis.T @ left)
         total += float((left**2).sum())
     return float(np.sqrt(total / values.size))
+
+
+def _unit(count: int, others: int) -> float:
+    """Factor from anomalies scaled for `count` samples to anomalies scaled for `others` of them."""
+    return float(np.sqrt((count - 1) / max(others - 1, 1)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Fold:
+    """An estimate that has not seen some trajectories.
+
+    Parameters
+    ----------
+    mask : (K,) bool array
+        Who is held out.
+    anomalies : (r, t, K') array
+        Of the others.
+    mean : (r, t) array
+        Of the others, in the units of all anomalies.
+    factors : list of (singular values, right vectors, projected held-out data)
+        For each window.
+    """
+
+    mask: BoolArray
+    anomalies: Array
+    mean: Array
+    factors: list[tuple[Array, Array, Array]]
+
+
+class _HeldOut(Uncertainty):
+    """Mean-square error on training trajectories held out in turn, plus the noise that comes through."""
+
+    def __init__(self, prepared: PreparedMinimumVariance, scale: Array) -> None:
+        self.prepared, self.scale = prepared, scale
+
+    def variance(self, on_modes: Array, on_correction: Array | None) -> Array:
+        """Variance (s, k) of linear functionals of the trajectory; NaN for fewer than three samples."""
+        p = self.prepared
+        cycle = p.settings.window == "cycle"
+        count = p.background.n_samples
+        groups = [slice(None)] if cycle else [slice(t, t + 1) for t in range(len(p.steps))]
+        full = [_along(on_modes[:, g], p.anomalies[:, g]) for g in groups]
+        folds = [
+            (
+                fold,
+                _along(on_modes, p.anomalies[:, :, fold.mask] - fold.mean[:, :, None]),
+                [_along(on_modes[:, g], fold.anomalies[:, g]) for g in groups],
+            )
+            for fold in p.held_out
+        ]
+        out = np.empty((len(on_modes), len(self.scale)))
+        for series, scale in enumerate(self.scale):
+            noise = np.zeros(len(on_modes))
+            for direction, (_, s, vt), floor in zip(full, p.factors, p.floors, strict=True):
+                noise += ((direction @ vt.T * (s * scale / (s**2 + np.hypot(scale, floor) ** 2))) ** 2).sum(axis=1)
+            error = np.full((len(on_modes), count), np.nan)
+            for fold, truth, directions in folds:
+                found = np.zeros_like(truth)
+                for direction, (s, vt, data), floor in zip(directions, fold.factors, p.floors, strict=True):
+                    gain = s / (s**2 + np.hypot(scale, floor) ** 2)
+                    found += (direction @ vt.T * gain) @ data
+                error[:, fold.mask] = truth - found
+            # Anomalies are scaled by (K − 1)^(−1/2): undo that, then take the mean.
+            out[:, series] = (error**2).mean(axis=1) * (count - 1) + noise
+        return out
+
+
+def _along(on_modes: Array, states: Array) -> Array:
+    """Values (s, k) of functionals (s, t, r) of trajectories (r, t, k)."""
+    return np.asarray(np.einsum("str,rtk->sk", on_modes, states, optimize=True))
 
 
 class _Posterior(Uncertainty):

@@ -7,8 +7,9 @@ With orthonormal representers W of the functionals and orthonormal modes Φ of V
 One space for the whole cycle or one for each phase of it, with or without a mean subtracted.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -17,7 +18,17 @@ from dacore.algebra.gram import RieszMap, lower_solve, lower_transpose_solve, or
 from dacore.algebra.stability import inf_sup_constants
 from dacore.core.arrays import Array, BoolArray, IntArray
 from dacore.core.background import Background
-from dacore.core.estimator import Estimate, Estimator, PreparedEstimator, Uncertainty, check_data
+from dacore.core.estimator import (
+    BackgroundSpace,
+    Estimate,
+    Estimator,
+    PreparedEstimator,
+    Uncertainty,
+    check_data,
+    check_scale,
+    observed_steps,
+)
+from dacore.core.fields import Layout
 from dacore.core.noise import NoiseModel
 from dacore.core.observation import Functionals
 from dacore.errors import ShapeError, UnstableError
@@ -26,13 +37,15 @@ from dacore.estimators.frames import (
     Frame,
     Spaces,
     Weights,
-    cross_validated_tails,
+    build_frames,
     field_weights,
-    joint_frame,
-    offsets,
+    fold_masks,
+    held_out_tails,
+    offset_of,
 )
 
 SMALLEST_INF_SUP = 1e-10
+DEVIATION_FOLDS = 5
 
 
 @dataclass(frozen=True)
@@ -78,29 +91,36 @@ class PBDW(Estimator):
         self, background: Background, functionals: Functionals, noise: NoiseModel, steps: IntArray | None = None
     ) -> "PreparedPBDW":
         """Build the spaces, their cross-Gramians with the representers, β_n and the bound."""
-        observed = np.arange(len(background.times)) if steps is None else np.asarray(steps)
-        offset = offsets(background, observed, self.centring)
-        fluctuations = background.coefficients[:, observed] - offset[:, :, None]
-        weights = field_weights(background, self.weights, fluctuations)
+        observed = observed_steps(background, steps)
+        coefficients = background.coefficients[:, observed]
+        offset = offset_of(coefficients, self.centring)
+        weights = field_weights(background, self.weights, coefficients - offset[:, :, None])
         scale = background.scale(weights)
         limit = self.max_dimension if self.n == "bound" else max(self.n, self.max_dimension)
-        frames = self._frames(fluctuations, scale, limit)
+        frames = build_frames(coefficients, offset, scale, self.spaces, limit)
+        if self.tails == "held_out":
+            tails = held_out_tails(coefficients, self.centring, scale, self.spaces, limit)
+            frames = tuple(replace(frame, tails=tail) for frame, tail in zip(frames, tails, strict=True))
         riesz = RieszMap(background.space, functionals, weights, background.kind)
         return PreparedPBDW(self, background, functionals, noise, observed, offset, frames, riesz, weights)
 
-    def _frames(self, fluctuations: Array, scale: Array, limit: int) -> tuple[Frame, ...]:
-        r, t, count = fluctuations.shape
-        if self.spaces == "phase":
-            sets, samples = [fluctuations[:, k] for k in range(t)], np.arange(count)
-        else:
-            sets, samples = [fluctuations.reshape(r, -1)], np.tile(np.arange(count), t)
-        frames = []
-        for data in sets:
-            frame = joint_frame(data, scale, limit)
-            if self.tails == "held_out":
-                frame = replace(frame, tails=cross_validated_tails(data, scale, samples, limit))
-            frames.append(frame)
-        return tuple(frames)
+    def check(self, layout: Layout, samples: int) -> None:
+        """Refuse what no training can mend: a weight left open, more modes than samples can give."""
+        names = [field.name for field in layout.fields]
+        if isinstance(self.weights, Mapping):
+            unknown = set(self.weights) - set(names)
+            if unknown:
+                raise ShapeError(f"weights: got the field {sorted(unknown)[0]!r}, expected one of {', '.join(names)}")
+            for name in names[1:]:
+                if name not in self.weights:
+                    raise ShapeError(
+                        f"weights: nothing given for {name}; ζ decides what PBDW finds, so state it: "
+                        f"weights = {{ {name} = 1e-18 }}, or 'balanced'"
+                    )
+        if self.spaces == "phase" and self.n != "bound" and self.n > samples:
+            raise ShapeError(
+                f"n: got {self.n}, but a phase has at most {samples} modes from {samples} samples; lower n"
+            )
 
 
 class PreparedPBDW(PreparedEstimator):
@@ -135,6 +155,8 @@ class PreparedPBDW(PreparedEstimator):
     ) -> None:
         self.settings, self.background, self.functionals, self.noise = settings, background, functionals, noise
         self.steps, self.offset, self.frames, self.riesz, self.weights = steps, offset, tuple(frames), riesz, weights
+        if mask is not None and not mask.any():
+            raise ShapeError(f"mask: leaves none of {functionals.count} functionals; expected at least one")
         self.observed_modes = background.observe(functionals.matrix)
         self.keep = np.arange(functionals.count) if mask is None else np.flatnonzero(mask)
         self.factor = orthonormaliser(riesz.gram, functionals.labels, mask)
@@ -149,7 +171,13 @@ class PreparedPBDW(PreparedEstimator):
     def _choose(self, frame: Frame, constants: Array) -> int:
         wanted = self.settings.n
         if wanted == "bound":
-            return int(np.argmin(self.bound(frame, constants))) + 1
+            curve = self.bound(frame, constants)
+            if not np.isfinite(curve).any():
+                raise UnstableError(
+                    f"β_1 = {constants[0]:.1e}: the {len(self.keep)} functionals see no mode of the background space; "
+                    "check the weights ζ and what is measured"
+                )
+            return int(np.argmin(curve)) + 1
         if wanted > len(constants):
             raise ShapeError(
                 f"n: got {wanted}, but the background has only {len(constants)} modes; lower n or train on more samples"
@@ -174,6 +202,13 @@ class PreparedPBDW(PreparedEstimator):
         """β_n (t,) in use at each observed step."""
         values = np.array([beta[n - 1] for beta, n in zip(self.constants, self.dimensions, strict=True)])
         return np.broadcast_to(values, (len(self.steps),)).copy() if len(values) == 1 else values
+
+    def spaces(self) -> tuple[BackgroundSpace, ...]:
+        """The space of the cycle, or that of each observed step."""
+        return tuple(
+            BackgroundSpace(frame.modes, frame.singular_values, frame.tails[: len(beta) + 1], beta, int(n))
+            for frame, beta, n in zip(self.frames, self.constants, self.dimensions, strict=True)
+        )
 
     def masked(self, mask: BoolArray) -> "PreparedPBDW":
         """Return the same estimator on the functionals of `mask` (m,); the Gram matrix is reused."""
@@ -205,10 +240,9 @@ class PreparedPBDW(PreparedEstimator):
         if self.settings.correction:
             correction = np.zeros_like(np.asarray(data, dtype=np.float64))
             correction[self.keep] = lower_transpose_solve(self.factor, left)
-        scale = np.broadcast_to(np.asarray(noise_scale, dtype=np.float64), (data.shape[2],))
+        scale = check_scale(noise_scale, data.shape[2])
         return Estimate(
             self.background, self.steps, coefficients, correction, self.riesz, _PBDWError(self, scale),
-            {"n": self.dimensions, "inf_sup": self.inf_sup},
         )  # fmt: skip
 
     def _groups(self) -> list[tuple[int, slice]]:
@@ -219,43 +253,65 @@ class PreparedPBDW(PreparedEstimator):
     def data_gain(self, step: int, on_modes: Array, on_correction: Array | None) -> Array:
         """Weights (s, m) with which raw data at one step enter linear functionals of the estimate."""
         k = step if len(self.frames) > 1 else 0
-        n = self.dimensions[k]
-        q, r = self.solvers[k]
+        return self._gain(self.frames[k].modes[:, : self.dimensions[k]], self.solvers[k], on_modes, on_correction)
+
+    def _gain(self, modes: Array, solver: tuple[Array, Array], on_modes: Array, on_correction: Array | None) -> Array:
+        q, r = solver
         pseudo = np.linalg.solve(r, q.T)
-        gain = (on_modes @ self.frames[k].modes[:, :n]) @ pseudo
+        gain = (on_modes @ modes) @ pseudo
         if on_correction is not None and self.settings.correction:
             rest = lower_solve(self.factor, on_correction[:, self.keep].T).T
-            gain = gain + rest - (rest @ self.cross[k][:, :n]) @ pseudo
+            gain = gain + rest - (rest @ q) @ q.T
         out = np.zeros((len(on_modes), self.functionals.count))
         out[:, self.keep] = lower_transpose_solve(self.factor, gain.T).T
         return out
 
+    @cached_property
+    def held_out(self) -> list[tuple[BoolArray, Array, list[Array]]]:
+        """For each group of training trajectories: who is held out, and the others' offset and modes."""
+        coefficients = self.background.coefficients[:, self.steps]
+        scale = self.background.scale(self.weights)
+        most = int(self.dimensions.max())
+        out = []
+        for mask in fold_masks(coefficients.shape[2], DEVIATION_FOLDS):
+            others = coefficients[:, :, ~mask]
+            offset = offset_of(others, self.settings.centring)
+            frames = build_frames(others, offset, scale, self.settings.spaces, most)
+            modes = [frame.modes[:, :n].copy() for frame, n in zip(frames, self.dimensions, strict=True)]
+            out.append((mask, offset, modes))
+        return out
+
+    def held_out_gain(self, modes: Array, on_modes: Array, on_correction: Array | None) -> Array:
+        """`data_gain` of a space built without some trajectories."""
+        cross = lower_solve(self.factor, self.observed_modes[self.keep] @ modes)
+        q, r = np.linalg.qr(cross)
+        return self._gain(modes, (q, r), on_modes, on_correction)
+
 
 class _PBDWError(Uncertainty):
-    """Mean-square error over the training set's distribution plus noise.
+    """Mean-square error on training trajectories held out in turn, plus the noise that comes through.
 
-    The estimate is linear in the data, so for a state a = mean + A ω, ω ~ N(0, I), its error is
-    linear in ω and in the noise. What the training set cannot represent is not counted.
+    The estimate is linear in the data. Spaces built from all trajectories would reproduce each of them
+    and claim no error as n approaches their number.
     """
 
     def __init__(self, prepared: PreparedPBDW, scale: Array) -> None:
         self.prepared, self.scale = prepared, scale
 
     def variance(self, on_modes: Array, on_correction: Array | None) -> Array:
-        """Variance (s, k) of linear functionals of the trajectory."""
+        """Variance (s, k) of linear functionals of the trajectory; NaN for fewer than three samples."""
         p = self.prepared
         training = p.background.coefficients[:, p.steps]
-        mean = training.mean(axis=2)
-        count = training.shape[2]
-        signal = np.zeros((len(on_modes), count))
-        bias = np.zeros(len(on_modes))
+        error = np.full((len(on_modes), training.shape[2]), np.nan)
+        for mask, offset, modes in p.held_out:
+            error[:, mask] = 0.0
+            for t in range(len(p.steps)):
+                extra = None if on_correction is None else on_correction[:, t]
+                gain = p.held_out_gain(modes[t if len(modes) > 1 else 0], on_modes[:, t], extra)
+                missed = on_modes[:, t] - gain @ p.observed_modes
+                error[:, mask] += missed @ (training[:, t, mask] - offset[:, t, None])
         noise = np.zeros(len(on_modes))
         for t in range(len(p.steps)):
-            extra = None if on_correction is None else on_correction[:, t]
-            gain = p.data_gain(t, on_modes[:, t], extra)
-            missed = on_modes[:, t] - gain @ p.observed_modes
-            signal += missed @ (training[:, t] - mean[:, t, None])
-            bias += missed @ (mean[:, t] - p.offset[:, t])
+            gain = p.data_gain(t, on_modes[:, t], None if on_correction is None else on_correction[:, t])
             noise += (p.noise.colour_transpose(gain.T) ** 2).sum(axis=0)
-        fixed = (signal**2).sum(axis=1) / max(count - 1, 1) + bias**2
-        return np.asarray(fixed[:, None] + noise[:, None] * self.scale**2)
+        return np.asarray((error**2).mean(axis=1)[:, None] + noise[:, None] * self.scale**2)

@@ -131,7 +131,7 @@ class Scene(Table):
     """
 
     title: str
-    domain: PluginTable
+    domain: PluginTable | None = None
     physics: PluginTable
     discretization: Discretization = Discretization()
     parameters: Mapping[str, Range] = {}
@@ -260,12 +260,8 @@ def convert(value: Range, unit: str, where: str) -> tuple[float, float]:
     """
     if value.unit is None or value.unit == unit:
         return value.low, value.high
-    try:
-        import pint
-    except ImportError as error:
-        raise SceneError(
-            f"{where}: got the unit {value.unit!r}, the model uses {unit!r}; converting needs pint: pip install pint"
-        ) from error
+    import pint
+
     registry: Any = pint.UnitRegistry()
     try:
         factor = (

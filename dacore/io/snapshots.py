@@ -5,6 +5,7 @@ the trajectories in flight and nothing else; every dataset carries Fletcher-32 c
 """
 
 import json
+import logging
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from dacore.core.arrays import Array
 from dacore.core.model import Trajectory
 from dacore.errors import StoreError
 from dacore.io.atomic import atomic_path, make_folder
+
+logger = logging.getLogger(__name__)
 
 SCHEMA = 1
 MAGIC = "dacore trajectory"
@@ -42,6 +45,19 @@ class TrajectoryStore:
 
     def __contains__(self, index: int) -> bool:
         return self.path(index).exists()
+
+    def intact(self, index: int) -> bool:
+        """Whether a trajectory is there and can be read whole; a damaged one is set aside with a warning."""
+        if index not in self:
+            return False
+        try:
+            self.read(index)
+        except StoreError as error:
+            aside = self.path(index).with_suffix(".damaged")
+            self.path(index).replace(aside)
+            logger.warning("%s; kept as %s, computing it again", str(error).partition(";")[0], aside.name)
+            return False
+        return True
 
     def write(self, index: int, trajectory: Trajectory, parameters: Array, units: Mapping[str, str]) -> None:
         """Write one trajectory; the file appears whole or not at all.

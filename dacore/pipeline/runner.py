@@ -90,7 +90,7 @@ class Runner:
             try:
                 result = stage.codec.load(self.path(stage), self)
             except StoreError as error:
-                logger.warning("%s; computing it again", error)
+                logger.warning("%s; computing it again", str(error).partition(";")[0])
             else:
                 self._tell(stage.name, "cached")
                 return result

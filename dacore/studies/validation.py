@@ -19,7 +19,8 @@ from dacore.core.observation import Functionals
 from dacore.core.quantity import QuantityOfInterest
 from dacore.core.space import StateSpace
 from dacore.errors import ShapeError
-from dacore.studies.errors import Contrast, ErrorMeter
+from dacore.estimators.frames import balanced_weights
+from dacore.studies.errors import JOINT, Contrast, ErrorMeter
 
 PRIOR = "prior"
 Progress = Callable[[int, int], None]
@@ -31,8 +32,9 @@ class QuantityOutcome:
 
     Parameters
     ----------
-    truth, estimate : (k,) array
-    deviation : (k,) array
+    truth, estimate : (s, k) array
+        s numbers for each case: one for each functional and output in time.
+    deviation : (s, k) array
         Standard deviation the estimator claims; NaN where it claims none.
     """
 
@@ -42,7 +44,7 @@ class QuantityOutcome:
 
     @property
     def rms(self) -> float:
-        """Root mean square error."""
+        """Root mean square error over all numbers and cases."""
         return float(np.sqrt(np.mean((self.estimate - self.truth) ** 2)))
 
     @property
@@ -62,7 +64,7 @@ class Outcome:
     noise : float
         Level Ξ.
     per_step : mapping of str to (t, k) array
-        Relative error of each field, contrast and the joint norm.
+        Relative error of each field, contrast and the joint norm; NaN where the true field is zero.
     space_time : mapping of str to (k,) array
         Ratio of space–time norms.
     quantities : mapping of str to QuantityOutcome
@@ -81,7 +83,7 @@ class Outcome:
 
     def worst_case(self, error: str) -> int:
         """Number of the case whose space–time error is largest."""
-        return int(np.argmax(self.space_time[error]))
+        return int(np.argmax(np.nan_to_num(self.space_time[error], nan=-1.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +112,16 @@ class Validation:
     data: Mapping[float, Array]
     sigmas: Mapping[float, Array]
     joint_weights: Mapping[str, float]
+
+    @property
+    def headline(self) -> str:
+        """The error that says most: that of the last contrast, or of the last field."""
+        return [label for label in self.errors if label != JOINT][-1]
+
+    def best(self, estimators: Sequence[str], noise: float) -> Outcome:
+        """Return the outcome of the least mean headline error at one noise level."""
+        outcomes = [self.outcome(name, noise) for name in estimators]
+        return min(outcomes, key=lambda each: float(np.nan_to_num(each.space_time[self.headline], nan=np.inf).mean()))
 
     def outcome(self, estimator: str, noise: float) -> Outcome:
         """Return one outcome; the training mean is the same at every noise level."""
@@ -186,7 +198,7 @@ def validate(
     steps = np.arange(len(background.times))
     prior = Estimate(background, steps, np.repeat(background.mean()[:, :, None], count, axis=2))
     jobs.insert(0, (PRIOR, 0.0, prior, 0.0))
-    weights = balanced_weights(background)
+    weights = balanced_weights(background, background.coefficients - background.mean()[:, :, None])
     meter = ErrorMeter(space, background.kind, contrasts, weights)
     tables: list[list[dict[str, tuple[Array, Array]]]] = [[] for _ in jobs]
     for case, truth in enumerate(truths):
@@ -196,7 +208,7 @@ def validate(
         if progress:
             progress(case + 1, count)
     truth_values = {
-        name: np.array([_quantity_of(quantity, space, truth.states) for truth in truths])
+        name: np.stack([_quantity_of(quantity, space, truth.states) for truth in truths], axis=1)
         for name, quantity in quantities.items()
     }
     outcomes = [
@@ -204,14 +216,6 @@ def validate(
         for (name, level, estimate, seconds), rows in zip(jobs, tables, strict=True)
     ]
     return Validation(tuple(outcomes), meter.labels, clean, data, sigmas, weights)
-
-
-def balanced_weights(background: Background) -> dict[str, float]:
-    """ζ = (max‖u‖ / max‖p‖)² over the training set less its mean: the joint norm's weights."""
-    fluctuations = background.coefficients - background.mean()[:, :, None]
-    names = [field.name for field in background.space.fields]
-    sizes = [float(np.linalg.norm(fluctuations[background.block(name)], axis=0).max()) for name in names]
-    return {name: (sizes[0] / size) ** 2 if size > 0 else 1.0 for name, size in zip(names, sizes, strict=True)}
 
 
 def _outcome(
@@ -227,18 +231,23 @@ def _outcome(
     for label in rows[0]:
         above = np.stack([row[label][0] for row in rows], axis=1)
         below = np.stack([row[label][1] for row in rows], axis=1)
-        per_step[label] = above / below
-        space_time[label] = np.sqrt((above**2).sum(axis=0) / (below**2).sum(axis=0))
+        per_step[label] = _ratio(above, below)
+        space_time[label] = _ratio(np.sqrt((above**2).sum(axis=0)), np.sqrt((below**2).sum(axis=0)))
     values = {}
     for title, quantity in quantities.items():
-        found = estimate.quantity(quantity)[0]
-        deviation = np.full(len(found), np.nan)
+        found = estimate.quantity(quantity)
+        deviation = np.full(found.shape, np.nan)
         if estimate.uncertainty is not None:
-            deviation = estimate.standard_deviation(quantity)[0]
+            deviation = estimate.standard_deviation(quantity)
         values[title] = QuantityOutcome(truth_values[title], found, deviation)
     return Outcome(name, level, per_step, space_time, values, None if name == PRIOR else estimate, seconds)
 
 
-def _quantity_of(quantity: QuantityOfInterest, space: StateSpace, states: Array) -> float:
+def _quantity_of(quantity: QuantityOfInterest, space: StateSpace, states: Array) -> Array:
     values = quantity.functionals(space)(states)
-    return float((quantity.time_weights(states.shape[1]) @ values[0])[0])
+    return np.asarray(np.einsum("ot,st->so", quantity.time_weights(states.shape[1]), values)).reshape(-1)
+
+
+def _ratio(above: Array, below: Array) -> Array:
+    """Relative error, NaN where there is nothing to be relative to."""
+    return np.asarray(np.divide(above, below, out=np.full_like(above, np.nan), where=below > 0))

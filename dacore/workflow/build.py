@@ -1,7 +1,11 @@
 """From a scene's plugin tables to objects."""
 
+import hashlib
+import importlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -10,9 +14,10 @@ import numpy as np
 from scipy.sparse import csr_array, vstack
 
 from dacore import __version__
-from dacore.core.discretization import Backend
+from dacore.core.discretization import Backend, Discretization
 from dacore.core.domain import Domain
 from dacore.core.estimator import Estimator
+from dacore.core.fields import Field
 from dacore.core.mesh import Mesh
 from dacore.core.model import AffineModel, ForwardModel, Physics
 from dacore.core.observation import Functionals, ObservationOperator
@@ -22,10 +27,11 @@ from dacore.core.space import StateSpace
 from dacore.core.timegrid import TimeGrid
 from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.newmark import Newmark
-from dacore.errors import MissingDependencyError, PluginError, SceneError, ShapeError, UnstableError
+from dacore.errors import DacoreError, MissingDependencyError, PluginError, SceneError, ShapeError
 from dacore.io.scene import PluginTable, Scene, convert
 from dacore.plugins.registry import Registry, load
 from dacore.plugins.settings import build
+from dacore.studies.errors import Contrast
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +68,10 @@ class Builder:
             raise SceneError(f"{self.where}: {key}: {error}") from error
 
     @cached_property
-    def domain(self) -> Domain:
-        """The domain's settings."""
+    def domain(self) -> Domain | None:
+        """The domain's settings; None for a scene without one."""
+        if self.scene.domain is None:
+            return None
         made: Domain = self._make("domain", self.scene.domain, "domain")
         return made
 
@@ -101,18 +109,31 @@ class Builder:
     def scheme(self) -> Newmark:
         """The time scheme; SceneError outside its stability region."""
         time = self.scene.time
-        try:
+        with self.blame("time"):
             return Newmark(time.beta, time.gamma, time.first_order)
-        except UnstableError as error:
-            raise SceneError(f"{self.where}: time: {error}") from error
 
     def check(self) -> None:
         """Make every settings object, so that a mistake anywhere in the scene shows before any work."""
-        _ = (self.domain, self.physics, self.backend, self.observations, self.quantities, self.estimators, self.scheme)
+        _ = (
+            self.domain,
+            self.physics,
+            self.backend if self.domain else None,
+            self.observations,
+            self.quantities,
+            self.estimators,
+            self.scheme,
+        )
 
-    def model(self, mesh: Mesh) -> ForwardModel:
-        """Build the forward model on a mesh; an affine model is marched as ``[time]`` says."""
-        built = self.physics.build(lambda fields: self.backend.discretize(mesh, fields))
+    def model(self, mesh: Mesh | None) -> ForwardModel:
+        """Build the forward model on a mesh, or without one; an affine model is marched as ``[time]`` says."""
+
+        def discretize(fields: Sequence[Field]) -> Discretization:
+            if mesh is None:
+                raise SceneError(f"{self.where}: [domain]: missing; {self.scene.physics.kind} needs one")
+            return self.backend.discretize(mesh, fields)
+
+        with self.blame("physics"):
+            built = self.physics.build(discretize)
         if isinstance(built, AffineModel):
             return self.march(built, 1)
         if "time" in self.scene.model_fields_set:
@@ -129,41 +150,103 @@ class Builder:
         """The model's parameters with the scene's ranges."""
         ranges = {}
         for name, value in self.scene.parameters.items():
-            where = f"{self.where}: parameters.{name}"
-            try:
-                ranges[name] = convert(value, model.parameters[name].unit, where)
-            except ShapeError as error:
-                raise SceneError(f"{self.where}: {error}") from error
-        try:
+            with self.blame("parameters"):
+                unit = model.parameters[name].unit
+            ranges[name] = convert(value, unit, f"{self.where}: parameters.{name}")
+        with self.blame("parameters"):
             return model.parameters.restrict(ranges)
-        except ShapeError as error:
-            raise SceneError(f"{self.where}: {error}") from error
 
     def functionals(self, space: StateSpace) -> Functionals:
         """Everything that is measured, observation after observation."""
         parts = []
-        for operator in self.observations.values():
-            operator.check(space)
-            parts.append(operator.functionals(space))
-        return join(parts)
+        for name, operator in self.observations.items():
+            with self.blame(f"observation.{name}"):
+                operator.check(space)
+                parts.append(operator.functionals(space))
+        joined = join(parts)
+        if joined.unit == "mixed" and any(level > 0 for level in self.scene.noise.levels):
+            units = ", ".join(sorted({part.unit for part in parts}))
+            raise SceneError(
+                f"{self.where}: noise.levels: observations in {units} share one noise level Ξ · max|ℓ|, which would "
+                "drown the smaller ones; observe one unit, or set noise.levels = [0.0]"
+            )
+        return joined
 
-    def version_of(self, key: str) -> str:
-        """Version of the distribution that brings the scene's domain or physics."""
-        kind = {"domain": "domain", "physics": "model"}[key]
-        name = getattr(self.scene, key).kind
-        found = [row.version for row in self.registry.table() if row.kind == kind and row.name == name]
-        return found[0] if found else "unknown"
+    def check_before_training(self, space: StateSpace, parameters: ParameterSpace) -> None:
+        """Find what is wrong in the scene before anything expensive is done."""
+        for name, quantity in self.quantities.items():
+            with self.blame(f"quantity.{name}"):
+                quantity.functionals(space)
+        for name, estimator in self.estimators.items():
+            with self.blame(f"estimator.{name}"):
+                estimator.check(space.layout, self.scene.training.samples)
+        self.contrasts(space, parameters)
+
+    def contrasts(self, space: StateSpace, parameters: ParameterSpace) -> list[Contrast]:
+        """The contrasts of the scene, with the values of their constants."""
+        out = []
+        for table in self.scene.validation.contrasts:
+            with self.blame("validation.contrasts"):
+                space.layout.field(table.field)
+                if not parameters[table.minus].fixed:
+                    raise ShapeError(f"{table.minus} varies, expected a fixed parameter")
+            out.append(Contrast(f"{table.field} − {table.minus}", table.field, parameters[table.minus].low))
+        return out
+
+    @contextmanager
+    def blame(self, key: str) -> Iterator[None]:
+        """Turn whatever goes wrong into an error of the scene that names `key`."""
+        try:
+            yield
+        except (SceneError, MissingDependencyError):
+            raise
+        except DacoreError as error:
+            raise SceneError(f"{self.where}: {key}: {error}") from error
+
+    def version_of(self, kind: str, name: str) -> str:
+        """Version of the plugin that a result depends on, with a hash of its source.
+
+        The hash makes a change of an installed-in-place plugin's code show, and costs a millisecond.
+        """
+        cls = self.registry.get(kind, name)
+        rows = [row.version for row in self.registry.table() if row.kind == kind and row.name == name]
+        return f"{rows[0] if rows else 'unknown'}+{source_hash(cls.__module__)}"
 
     def versions(self) -> dict[str, str]:
         """Versions of dacore, its numerical libraries and every installed plugin distribution."""
-        names = {"dacore", "numpy", "scipy", "h5py"} | {row.distribution for row in self.registry.table()}
+        names = {"dacore", "numpy", "scipy", "h5py", "meshio", "matplotlib"}
+        names |= {row.distribution for row in self.registry.table()}
         out = {}
         for name in sorted(names):
             try:
                 out[name] = version(name)
             except PackageNotFoundError:
-                out[name] = __version__ if name == "dacore" else "unknown"
+                out[name] = __version__ if name == "dacore" else "not installed"
+        if self.scene.domain is not None:
+            out[f"backend {self.scene.discretization.backend}"] = self.backend.version()
         return out
+
+
+@cache
+def source_hash(module: str, folders: tuple[str, ...] = ("",)) -> str:
+    """Hash of the Python source of a module's package, or of some folders of it.
+
+    Parameters
+    ----------
+    module : str
+        Any module of the package.
+    folders : tuple of str
+        Folders below the package's; "" for all of it.
+    """
+    package = importlib.import_module(module.partition(".")[0])
+    if package.__file__ is None:
+        return "none"
+    root = Path(package.__file__).parent
+    content = hashlib.sha256()
+    for folder in folders:
+        for path in sorted((root / folder).rglob("*.py")):
+            content.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
+    return content.hexdigest()[:12]
 
 
 def join(parts: list[Functionals]) -> Functionals:

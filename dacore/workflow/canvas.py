@@ -7,9 +7,10 @@ import numpy as np
 
 from dacore.core.arrays import Array
 from dacore.core.background import Background
-from dacore.core.mesh import Mesh
+from dacore.core.estimator import BackgroundSpace
+from dacore.core.fields import Field
 from dacore.core.observation import Functionals
-from dacore.estimators.pbdw import PreparedPBDW
+from dacore.dynamics.march import MarchedModel
 from dacore.figures.comparison import Compared
 from dacore.figures.slices import HEAD, Frame, Slab, View
 from dacore.geometry.cut import cut_plane, planar_domain
@@ -54,13 +55,16 @@ class Canvas:
 
     @cached_property
     def caption(self) -> str:
-        """Scene, mesh and scheme in one line."""
-        mesh: Mesh = self.runner["domain"]
-        time = self.builder.scene.time
-        return (
-            f"{self.builder.scene.title} · {len(mesh.points):,} nodes · β = {time.beta:g}, γ = {time.gamma:g}, "
-            f"{time.first_order.replace('_', ' ')}, τ = {time.step:g} s"
-        )
+        """Scene, size and scheme in one line."""
+        scene, model = self.builder.scene, self.runner["model"]
+        parts = [scene.title]
+        if scene.domain is not None:
+            parts.append(f"{len(self.runner['domain'].points):,} nodes")
+        if isinstance(model, MarchedModel):
+            time = scene.time
+            rule = time.first_order.replace("_", " ")
+            parts.append(f"β = {time.beta:g}, γ = {time.gamma:g}, {rule}, τ = {time.step:g} s")
+        return " · ".join(parts)
 
     @cached_property
     def frame(self) -> Frame:
@@ -68,15 +72,28 @@ class Canvas:
         return HEAD if self.builder.scene.report.anatomical else Frame()
 
     @cached_property
+    def has_slices(self) -> bool:
+        """Whether the domain can be cut or shown as a plane."""
+        space = self.background.space
+        return "cells" in space.capabilities and space.cells().points.shape[1] in (2, 3)
+
+    @cached_property
     def planar(self) -> bool:
         """Whether the domain has two dimensions."""
         return bool(self.background.space.cells().points.shape[1] == 2)
 
     @cached_property
-    def spectral(self) -> dict[str, PreparedPBDW]:
-        """The estimators that have background spaces V_n."""
-        prepared = {name: self.runner[f"prepared.{name}"] for name in self.builder.scene.estimator}
-        return {name: each for name, each in prepared.items() if isinstance(each, PreparedPBDW)}
+    def spaces(self) -> dict[str, tuple[BackgroundSpace, ...]]:
+        """Background spaces V_n of the estimators that have some."""
+        found = {name: self.runner[f"prepared.{name}"].spaces() for name in self.builder.scene.estimator}
+        return {name: each for name, each in found.items() if each}
+
+    @cached_property
+    def hidden(self) -> Field | None:
+        """The last field that no functional sees, if there is one."""
+        layout = self.background.space.layout
+        unseen = [f for f in layout.fields if not self.functionals.matrix[:, layout.block(f.name)].nnz]
+        return unseen[-1] if unseen else None
 
     def view(self) -> View:
         """The plane the report looks at, with the measured slices marked."""
@@ -101,7 +118,7 @@ class Canvas:
     @cached_property
     def layers(self) -> tuple[int, Array, float] | None:
         """Axis, places and thickness of the measured layers, if the voxels fill few."""
-        if not self.functionals.spacing or self.planar:
+        if not self.functionals.spacing or not self.has_slices or self.planar:
             return None
         places = [np.unique(self.functionals.centres[:, k].round(6)) for k in range(3)]
         axis = int(np.argmin([len(each) for each in places]))

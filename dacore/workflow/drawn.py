@@ -38,3 +38,11 @@ def error_name(label: str) -> str:
 def unit_text(unit: str) -> str:
     """A unit as it is printed: "dyn/cm^2" becomes "dyn/cm²"."""
     return unit.replace("^2", "²").replace("^3", "³")
+
+
+def time_text(seconds: float) -> str:
+    """A time with a unit that suits it: "15 ms", "2.5 s"."""
+    for factor, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "µs")):
+        if abs(seconds) * factor >= 1.0:
+            return f"{seconds * factor:.3g} {unit}"
+    return f"{seconds:.3g} s"

@@ -57,23 +57,20 @@ def write_fields(builder: Builder, runner: Runner, folder: Path) -> list[Path]:
     """
     background: Background = runner["background"]
     validation: Validation = runner["validation"]
-    label = validation.errors[len(background.space.fields) - 1]
     files = []
     for level in builder.scene.noise.levels:
-        outcomes = [validation.outcome(name, level) for name in builder.scene.estimator]
-        best = min(outcomes, key=lambda each: float(each.space_time[label].mean()))
+        best = validation.best(list(builder.scene.estimator), level)
         if best.estimate is None:
             continue
-        case = best.worst_case(label)
+        case = best.worst_case(validation.headline)
         truth, estimate = runner["truth"][case].states, best.estimate.state(series=case)
         path = folder / f"worst_case_{tag(level)}.xdmf"
         series = {"truth_": truth, "estimate_": estimate, "difference_": estimate - truth}
         write_series(background.space, series, background.times, path)
         files.append(path)
-    spectral = Canvas(builder, runner).spectral
-    if spectral:
-        prepared = next(iter(spectral.values()))
-        modes = background.lift(prepared.frames[0].modes[:, :8])
+    spaces = Canvas(builder, runner).spaces
+    if spaces:
+        modes = background.lift(next(iter(spaces.values()))[0].modes[:, :8])
         path = folder / "modes.vtu"
         write_vtu(background.space, {f"mode{k + 1}_": modes[:, k] for k in range(modes.shape[1])}, path)
         files.append(path)
@@ -128,7 +125,8 @@ def make_report(
     scene = builder.scene
     return Report(
         scene.title,
-        f"dacore {summary['versions']['dacore']} · {scene.physics.kind} on {scene.discretization.backend}",
+        f"dacore {summary['versions']['dacore']} · {scene.physics.kind}"
+        + (f" on {scene.discretization.backend}" if scene.domain is not None else ""),
         cards(builder, validation),
         [section for section in sections if section.parts],
         Provenance(facts, timings, memory),
@@ -138,13 +136,11 @@ def make_report(
 
 def cards(builder: Builder, validation: Validation) -> list[Card]:
     """Headline numbers: the best estimator of each noise level beside the guess."""
-    fields = [label for label in validation.errors if label != JOINT]
-    label = fields[-1]
+    label = validation.headline
     prior = validation.outcome(PRIOR, 0.0)
     out = []
     for level in builder.scene.noise.levels:
-        outcomes = [validation.outcome(name, level) for name in builder.scene.estimator]
-        best = min(outcomes, key=lambda each: float(each.space_time[label].mean()))
+        best = validation.best(list(builder.scene.estimator), level)
         mean, guess = float(best.space_time[label].mean()), float(prior.space_time[label].mean())
         out.append(
             Card(
@@ -159,7 +155,9 @@ def cards(builder: Builder, validation: Validation) -> list[Card]:
 def publish(builder: Builder, runner: Runner, out: Path, summary: dict[str, Any], scene_text: str) -> list[Path]:
     """Write figures, fields and the report; returns the files a reader opens first."""
     pictures = write_figures(draw_all(Canvas(builder, runner)), out / "figures")
-    fields = write_fields(builder, runner, out / "fields")
+    fields = []
+    if "cells" in runner["model"].space.capabilities:
+        fields = write_fields(builder, runner, out / "fields")
     report = out / "report.html"
     write_report(report, make_report(builder, runner, pictures, summary, scene_text))
     return [report, *fields]

@@ -73,15 +73,19 @@ def draw_quantities(canvas: Canvas) -> list[Drawn]:
         for level in canvas.builder.scene.noise.levels:
             for outcome in canvas.outcomes(level):
                 q = outcome.quantities[title]
-                deviation = q.deviation if np.isfinite(q.deviation).all() else None
+                deviation = q.deviation.ravel() if np.isfinite(q.deviation).all() else None
                 panels.append(
                     QuantityPanel(
-                        name_of(canvas.builder, outcome.estimator), noise_name(level), q.truth, q.estimate, deviation
+                        name_of(canvas.builder, outcome.estimator),
+                        noise_name(level),
+                        q.truth.ravel(),
+                        q.estimate.ravel(),
+                        deviation,
                     )
                 )
         guess = prior.quantities[title]
         name, unit = quantity_title(canvas.builder, title), canvas.quantity_unit(title)
-        figure = quantity(panels, name, unit, (float(guess.estimate[0]), guess.rms), canvas.caption)
+        figure = quantity(panels, name, unit, (float(guess.estimate.mean()), guess.rms), canvas.caption)
         out.append(
             Drawn(
                 f"quantity_{title}", figure,

@@ -9,7 +9,7 @@ from dacore.figures.voxels import measured_slice
 from dacore.geometry.cut import cut_plane
 from dacore.studies.validation import PRIOR
 from dacore.workflow.canvas import Canvas
-from dacore.workflow.drawn import Drawn, tag, unit_text
+from dacore.workflow.drawn import Drawn, tag, time_text, unit_text
 from dacore.workflow.tables import name_of, noise_name, percent
 
 
@@ -26,7 +26,7 @@ def draw_measured(canvas: Canvas) -> list[Drawn]:
     for level, data in canvas.validation.data.items():
         if level > 0:
             values[noise_name(level)] = data[:, step, 0]
-    when = f"t = {1e3 * canvas.background.times[step]:.3g} ms, case 1"
+    when = f"t = {time_text(canvas.background.times[step])}, case 1"
     f = canvas.functionals
     return [
         Drawn(
@@ -37,7 +37,7 @@ def draw_measured(canvas: Canvas) -> list[Drawn]:
             ),
             f"What is measured: {f.count} averages over {f.n_sites} voxels of "
             f"{' × '.join(f'{s:g}' for s in f.spacing)} cm at {when}. Nothing else of the state is known.",
-            "pixel images of the measured displacement components over the outline of the slice",
+            "pixel images of the measured components over the outline of the slice",
         )
     ]  # fmt: skip
 
@@ -47,12 +47,12 @@ def draw_worst(canvas: Canvas, level: float) -> list[Drawn]:
     view = canvas.view()
     step = canvas.step_at(canvas.builder.scene.report.worst_time)
     outcomes = canvas.outcomes(level)
-    label = canvas.validation.errors[len(canvas.background.space.fields) - 1]
-    best = min(outcomes, key=lambda o: float(o.space_time[label].mean()))
-    case = best.worst_case(label)
+    best = canvas.validation.best(list(canvas.builder.scene.estimator), level)
+    case = best.worst_case(canvas.validation.headline)
     truth = canvas.runner["truth"][case].states[:, step]
     estimates = [o.estimate.state(series=case, step=step) for o in outcomes if o.estimate is not None]
-    when = f"t = {1e3 * canvas.background.times[step]:.3g} ms, case {case + 1}, {noise_name(level)}"
+    when = f"t = {time_text(canvas.background.times[step])}, case {case + 1}, {noise_name(level)}"
+    dashed = " Dashed: the measured slice." if view.slabs else ""
     out = []
     for field in canvas.background.space.fields:
         rows = [
@@ -63,8 +63,8 @@ def draw_worst(canvas: Canvas, level: float) -> list[Drawn]:
             Drawn(
                 f"worst_{field.name}_{tag(level)}", comparison(view, rows, f"{canvas.caption} · {when}"),
                 f"{rows[0].name} at {when}: the case that “{name_of(canvas.builder, best.estimator)}” reconstructs "
-                "worst. Dashed: the measured slice.",
-                f"brain slices of true and reconstructed {field.name} and their difference",
+                f"worst.{dashed}",
+                f"slices of true and reconstructed {field.name} and their difference",
             )
         )  # fmt: skip
     return out
@@ -72,13 +72,12 @@ def draw_worst(canvas: Canvas, level: float) -> list[Drawn]:
 
 def draw_hero(canvas: Canvas) -> list[Drawn]:
     """From the measured voxels to the hidden field, in one strip: the picture of the README."""
-    found = canvas.layers
-    if found is None or len(canvas.background.space.fields) < 2:
+    found, hidden = canvas.layers, canvas.hidden
+    if found is None or hidden is None:
         return []
     level = canvas.builder.scene.noise.levels[-1]
-    hidden = canvas.background.space.fields[-1]
-    label = canvas.validation.errors[len(canvas.background.space.fields)] if canvas.validation.errors else hidden.name
-    best = min(canvas.outcomes(level), key=lambda o: float(o.space_time[label].mean()))
+    label = canvas.validation.headline
+    best = canvas.validation.best(list(canvas.builder.scene.estimator), level)
     if best.estimate is None:
         return []
     axis, places, _ = found
@@ -94,10 +93,12 @@ def draw_hero(canvas: Canvas) -> list[Drawn]:
     truth = canvas.runner["truth"][case].states[:, step]
     compared = canvas.compared(view, hidden.name, truth, best.estimate.state(series=case, step=step), best)
     f_values = canvas.validation.data[level][chosen, step, case]
-    field = canvas.background.space.fields[0]
+    layout = canvas.background.space.layout
+    field = next(each for each in layout.fields if f.matrix[:, layout.block(each.name)].nnz)
+    component = f"_{canvas.frame.names[along]}" if field.components > 1 else ""
     figure = hero(
         Measured(
-            flat, f.centres[chosen], f.spacing, f_values, f"measured {field.name}_{canvas.frame.names[along]}",
+            flat, f.centres[chosen], f.spacing, f_values, f"measured {field.name}{component}",
             unit_text(f.unit),
             f"{f.n_sites} voxels, {noise_name(level)}",
         ),
@@ -110,8 +111,8 @@ def draw_hero(canvas: Canvas) -> list[Drawn]:
     return [
         Drawn(
             "hero", figure,
-            f"From one measured slice of displacement ({noise_name(level)}) to the unmeasured {compared.name} by "
+            f"From the measured {field.name} of a slice ({noise_name(level)}) to the unmeasured {compared.name} by "
             f"“{name_of(canvas.builder, best.estimator)}”: the median case.",
-            "measured voxels, reconstructed and true pressure",
+            f"measured voxels, reconstructed and true {hidden.name}",
         )
     ]  # fmt: skip

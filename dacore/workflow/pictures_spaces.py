@@ -15,24 +15,22 @@ SHOWN_MODES = 4
 
 def draw_spaces(canvas: Canvas) -> list[Drawn]:
     """Singular values, β_n and the bound of every background space."""
-    if not canvas.spectral:
+    if not canvas.spaces:
         return []
     spectra, constants, bounds = [], [], []
-    for name, prepared in canvas.spectral.items():
+    for name, spaces in canvas.spaces.items():
         label = name_of(canvas.builder, name)
-        n = min(len(beta) for beta in prepared.constants)
-        values = np.stack([frame.singular_values for frame in prepared.frames])
-        beta = np.stack([each[:n] for each in prepared.constants])
-        tails = np.stack([frame.tails[1 : n + 1] for frame in prepared.frames])
+        n = min(len(space.inf_sup) for space in spaces)
+        values = np.stack([space.singular_values for space in spaces])
+        beta = np.stack([space.inf_sup[:n] for space in spaces])
+        tails = np.stack([space.tails[1 : n + 1] for space in spaces])
         dimensions = np.arange(1, n + 1)
         one = len(values) == 1
         spectra.append(Spectrum(label, values[0] if one else values))
         constants.append(InfSupCurve(label, dimensions, beta[0] if one else beta))
         middle = len(beta) // 2
         where = "" if one else f", step {middle + 1}"
-        bounds.append(
-            BoundCurve(label + where, dimensions, tails[middle], beta[middle], int(prepared.dimensions[middle]))
-        )
+        bounds.append(BoundCurve(label + where, dimensions, tails[middle], beta[middle], spaces[middle].n))
     return [
         Drawn(
             "singular_values", spectrum(spectra, canvas.caption, largest=200),
@@ -57,9 +55,9 @@ def draw_spaces(canvas: Canvas) -> list[Drawn]:
 def draw_modes(canvas: Canvas) -> Drawn:
     """The first modes of the first background space, or of the training set."""
     view = canvas.view()
-    if canvas.spectral:
-        name, prepared = next(iter(canvas.spectral.items()))
-        vectors = canvas.background.lift(prepared.frames[0].modes[:, :SHOWN_MODES])
+    if canvas.spaces:
+        name, spaces = next(iter(canvas.spaces.items()))
+        vectors = canvas.background.lift(spaces[0].modes[:, :SHOWN_MODES])
         whose = name_of(canvas.builder, name)
     else:
         centred = canvas.background.coefficients - canvas.background.mean()[:, :, None]
@@ -68,9 +66,14 @@ def draw_modes(canvas: Canvas) -> Drawn:
     fields = [
         ModeField(field.name, canvas.values(view, vectors, field.name)) for field in canvas.background.space.fields
     ]
+    told = ""
+    if canvas.hidden is not None:
+        told = (
+            f" The fields of one column belong together: that is how an unmeasured {canvas.hidden.name} is recovered."
+        )
     return Drawn(
-        "modes", modes(view, fields, canvas.caption),
-        f"First modes of the space of “{whose}”, each scaled to at most 1. Displacement and pressure of one "
-        "column belong together: that is how an unmeasured pressure is recovered.",
-        "grid of brain slices with the first modes of each field",
-    )  # fmt: skip
+        "modes",
+        modes(view, fields, canvas.caption),
+        f"First modes of the space of “{whose}”, each scaled to at most 1.{told}",
+        "grid of slices with the first modes of each field",
+    )

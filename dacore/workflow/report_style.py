@@ -63,8 +63,7 @@ th, td { padding: 7px 12px; border-bottom: 1px solid var(--line); text-align: le
 thead th { color: var(--soft); font-weight: 600; border-bottom-width: 2px; vertical-align: bottom; }
 tbody th { font-weight: 500; min-width: 8.5em; }
 tbody tr:last-child > * { border-bottom: 0; }
-.r { text-align: right; white-space: nowrap; }
-thead th.r { white-space: normal; }
+.r { text-align: right; }
 td.best { font-weight: 700; color: var(--good); background: var(--good-bg); }
 td.bad { color: var(--bad); background: var(--bad-bg); }
 td.muted, th.muted { color: var(--soft); }

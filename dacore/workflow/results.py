@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dacore.core.arrays import Array
 from dacore.core.background import Background
+from dacore.core.estimator import PreparedEstimator
 from dacore.core.mesh import Mesh
 from dacore.core.observation import Functionals
-from dacore.estimators.pbdw import PreparedPBDW
 from dacore.io.atomic import atomic_write
 from dacore.pipeline.runner import Runner
 from dacore.studies.errors import JOINT
@@ -47,12 +48,13 @@ def summarise(builder: Builder, runner: Runner, seconds: float) -> dict[str, Any
         "title": scene.title,
         "reference": SAME_DISCRETISATION,
         "scene": scene.model_dump(mode="json"),
+        "truth_of": "unseen cases drawn uniformly from the parameters' ranges",
         "seeds": {"training": scene.training.seed, "validation": scene.validation.seed, "noise": scene.noise.seed},
         "versions": {"python": platform.python_version(), **builder.versions()},
         "machine": {"system": platform.platform(), "processor": platform.machine(), "cores": os.cpu_count()},
         "timings": {name: round(value, 4) for name, value in runner.timings.items()} | {"total": round(seconds, 3)},
         "peak_memory_mib": peak_memory(),
-        "mesh": _mesh(runner["domain"]) if "domain" in runner.timings else None,
+        "mesh": _mesh(runner["domain"]) if scene.domain is not None else None,
         "n_dofs": background.space.n_dofs,
         "observation": _observation(runner["functionals"]),
         "background": _background(background),
@@ -74,12 +76,9 @@ def summarise(builder: Builder, runner: Runner, seconds: float) -> dict[str, Any
 
 
 def peak_memory() -> dict[str, float]:
-    """Peak resident memory [MiB] of this process and of the largest worker."""
+    """Peak resident memory [MiB] of the main process; a worker holds the model and one trajectory."""
     unit = 1024.0 if sys.platform != "darwin" else 1024.0**2
-    return {
-        "main": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit, 1),
-        "largest_worker": round(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / unit, 1),
-    }
+    return {"main": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit, 1)}
 
 
 def write_json(content: Mapping[str, Any], path: Path) -> None:
@@ -88,8 +87,8 @@ def write_json(content: Mapping[str, Any], path: Path) -> None:
         stream.write(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 
-def numbers(values: Array) -> Any:
-    """Turn an array into nested lists of floats, with null where a value is not finite."""
+def numbers(values: ArrayLike) -> Any:
+    """Turn an array into nested lists of floats, or a number into a float; null where it is not finite."""
     array = np.asarray(values, dtype=np.float64)
     if array.ndim == 0:
         return float(array) if np.isfinite(array) else None
@@ -125,18 +124,20 @@ def _background(background: Background) -> dict[str, Any]:
     }
 
 
-def _estimator(prepared: Any) -> dict[str, Any]:
-    if not isinstance(prepared, PreparedPBDW):
-        return {}
+def _estimator(prepared: PreparedEstimator) -> dict[str, Any]:
+    spaces = prepared.spaces()
     return {
-        "n": [int(n) for n in prepared.dimensions],
         "inf_sup": numbers(prepared.inf_sup),
-        "weights": prepared.weights,
-        "inf_sup_of_n": [numbers(constants) for constants in prepared.constants],
-        "tails_of_n": [
-            numbers(frame.tails[: len(c) + 1]) for frame, c in zip(prepared.frames, prepared.constants, strict=True)
-        ],
+        "n": [space.n for space in spaces],
+        "inf_sup_of_n": [numbers(space.inf_sup) for space in spaces],
+        "tails_of_n": [numbers(space.tails) for space in spaces],
     }
+
+
+def _mean(values: Array) -> Array:
+    """Mean over what is finite, NaN if nothing is."""
+    finite = values[np.isfinite(values)]
+    return np.asarray(finite.mean() if finite.size else np.nan)
 
 
 def _outcome(validation: Validation, outcome: Outcome) -> dict[str, Any]:
@@ -145,10 +146,10 @@ def _outcome(validation: Validation, outcome: Outcome) -> dict[str, Any]:
     for label in validation.errors:
         values, guess = outcome.space_time[label], prior.space_time[label]
         errors[label] = {
-            "mean": float(values.mean()),
-            "worst": float(values.max()),
-            "mean_over_steps": float(outcome.per_step[label].mean()),
-            "of_the_training_mean": float(guess.mean()),
+            "mean": numbers(values.mean()),
+            "worst": numbers(values.max()),
+            "mean_over_steps": numbers(_mean(outcome.per_step[label])),
+            "of_the_training_mean": numbers(guess.mean()),
             "cases": numbers(values),
         }
     quantities = {}

@@ -11,6 +11,7 @@ from dacore.core.model import ForwardModel, Trajectory
 from dacore.core.observation import Functionals
 from dacore.core.parameters import ParameterSpace
 from dacore.core.quantity import QuantityOfInterest
+from dacore.errors import SceneError
 from dacore.io.scene import Scene, read_scene
 from dacore.pipeline.runner import Runner
 from dacore.studies.validation import Validation
@@ -40,7 +41,9 @@ class Session:
 
     @property
     def mesh(self) -> Mesh:
-        """The domain."""
+        """The domain; SceneError for a scene without one."""
+        if self.scene.domain is None:
+            raise SceneError(f"{self.builder.where}: [domain]: missing; this scene has no mesh")
         made: Mesh = self.runner["domain"]
         return made
 

@@ -3,13 +3,15 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
 from dacore import __version__
 from dacore.algebra.compress import compress
 from dacore.core.arrays import Array
+from dacore.core.domain import Domain
+from dacore.core.mesh import Mesh
 from dacore.core.model import Trajectory
 from dacore.core.noise import WhiteNoise
 from dacore.dynamics.march import MarchedModel
@@ -23,7 +25,10 @@ from dacore.pipeline.stage import Codec, Pipeline, Results, Stage
 from dacore.studies.errors import Contrast, ErrorMeter
 from dacore.studies.refinement import time_refinement
 from dacore.studies.validation import validate
-from dacore.workflow.build import Builder
+from dacore.workflow.build import Builder, source_hash
+
+# The parts of dacore whose code decides what a mesh or a trajectory is.
+NUMERICS = ("core", "algebra", "geometry", "domains", "dynamics")
 
 
 @dataclass(frozen=True)
@@ -45,10 +50,14 @@ class TrajectorySet(Sequence[Trajectory]):
     def __len__(self) -> int:
         return len(self.samples)
 
-    def __getitem__(self, index: Any) -> Any:
-        if not 0 <= index < len(self):
-            raise IndexError(index)
-        return self.store.read(index)[0]
+    @overload
+    def __getitem__(self, index: int) -> Trajectory: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Trajectory]: ...
+    def __getitem__(self, index: int | slice) -> Trajectory | list[Trajectory]:
+        if isinstance(index, slice):
+            return [self.store.read(k)[0] for k in range(len(self))[index]]
+        return self.store.read(range(len(self))[index])[0]
 
     def __iter__(self) -> Iterator[Trajectory]:
         return (self[index] for index in range(len(self)))
@@ -104,20 +113,20 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
     def make_prepared(name: str) -> Any:
         def prepare(results: Results, _: Path) -> Any:
             estimator = builder.estimators[name]
-            return estimator.prepare(results["background"], results["functionals"], WhiteNoise(1.0))
+            background, functionals = results["background"], results["functionals"]
+            with builder.blame(f"estimator.{name}"):
+                return estimator.prepare(background, functionals, WhiteNoise(1.0))
 
         return prepare
 
+    def make_checks(results: Results, _: Path) -> bool:
+        """What is measured and asked fits the state and the parameters: known before anything is trained."""
+        builder.check_before_training(results["model"].space, results["parameters"])
+        _ = results["functionals"]
+        return True
+
     def contrasts(results: Results) -> list[Contrast]:
-        parameters = results["parameters"]
-        out = []
-        for table in scene.validation.contrasts:
-            if not parameters[table.minus].fixed:
-                raise SceneError(
-                    f"{builder.where}: validation.contrasts: {table.minus} varies, expected a fixed parameter"
-                )
-            out.append(Contrast(f"{table.field} − {table.minus}", table.field, parameters[table.minus].low))
-        return out
+        return builder.contrasts(results["model"].space, results["parameters"])
 
     def make_validation(results: Results, _: Path) -> Any:
         return validate(
@@ -137,21 +146,43 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
         )
         return time_refinement(model, builder.march(model.model, factor), middle, factor, meter)
 
-    stages = [
+    def make_mesh(domain: Domain) -> Mesh:
+        with builder.blame("domain"):
+            return domain.mesh()
+
+    numerics = {"dacore": __version__, "source": source_hash("dacore", NUMERICS)}
+    model_settings = {"time": solver_settings, "numerics": numerics, **_plugin(builder, "model", scene.physics)}
+    stages = []
+    domain = builder.domain
+    if domain is not None and scene.domain is not None:
+        stages.append(
+            Stage(
+                "domain", (),
+                {"numerics": numerics, "content": domain.fingerprint(), **_plugin(builder, "domain", scene.domain)},
+                lambda _results, _folder: make_mesh(domain),
+                Codec(".npz", write_mesh_cache, lambda path, _results: read_mesh_cache(path)), "mesh with roles",
+            )
+        )  # fmt: skip
+        backend = scene.discretization.backend
+        model_settings |= {
+            "backend": [backend, builder.version_of("backend", backend), builder.backend.version()],
+        }
+    stages += [
         Stage(
-            "domain", (),
-            {"version": __version__, "content": builder.domain.fingerprint(), **_plugin(builder, "domain")},
-            lambda _results, _folder: builder.domain.mesh(),
-            Codec(".npz", write_mesh_cache, lambda path, _results: read_mesh_cache(path)), "mesh with roles",
-        ),
-        Stage(
-            "model", ("domain",),
-            {"backend": scene.discretization.backend, "time": solver_settings, **_plugin(builder, "physics")},
-            lambda results, _folder: builder.model(results["domain"]), purpose="parameter-free matrices",
+            "model", ("domain",) if domain is not None else (), model_settings,
+            lambda results, _folder: builder.model(results["domain"] if domain is not None else None),
+            purpose="parameter-free matrices",
         ),
         Stage(
             "parameters", ("model",), {"ranges": ranges},
             lambda results, _folder: builder.parameters(results["model"]), purpose="ranges",
+        ),
+        Stage(
+            "functionals", ("model",), {name: _content(table) for name, table in scene.observation.items()},
+            lambda results, _folder: builder.functionals(results["model"].space), purpose="what is measured",
+        ),
+        Stage(
+            "checks", ("model", "parameters", "functionals"), {}, make_checks, purpose="the scene fits together",
         ),
         Stage(
             "training", ("model", "parameters"),
@@ -164,10 +195,6 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
                 lambda path, results: read_background(path, results["model"].space, results["parameters"]),
                 ("model", "parameters"),
             ), "compressed training set",
-        ),
-        Stage(
-            "functionals", ("model",), {name: _content(table) for name, table in scene.observation.items()},
-            lambda results, _folder: builder.functionals(results["model"].space), purpose="what is measured",
         ),
         *(
             Stage(
@@ -195,11 +222,11 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
 
 def targets(builder: Builder) -> list[str]:
     """The stages a run of the scene asks for."""
-    return ["validation", *(["refinement"] if builder.scene.validation.refine_time > 1 else [])]
+    return ["checks", "validation", *(["refinement"] if builder.scene.validation.refine_time > 1 else [])]
 
 
-def _plugin(builder: Builder, key: str) -> dict[str, Any]:
-    return {**_content(getattr(builder.scene, key)), "version": builder.version_of(key)}
+def _plugin(builder: Builder, kind: str, table: PluginTable) -> dict[str, Any]:
+    return {**_content(table), "version": builder.version_of(kind, table.kind)}
 
 
 def _content(table: PluginTable) -> dict[str, Any]:

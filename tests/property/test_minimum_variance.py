@@ -1,5 +1,7 @@
 """Minimum variance against the dense Gaussian formulas."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -48,7 +50,11 @@ def test_estimate_and_variance_are_the_gaussian_posterior(seed, kind, window, sc
     m, t = functionals.count, 5
     noise, covariance = noise_of(rng, kind, m)
     data = rng.standard_normal((m, t, 1))
-    estimate = MinimumVariance(window=window, floor=1e-12).prepare(background, functionals, noise).estimate(data, scale)
+    estimate = (
+        MinimumVariance(window=window, floor=1e-12, deviations="model")
+        .prepare(background, functionals, noise)
+        .estimate(data, scale)
+    )
     states = background.lift(background.coefficients)
     operator = functionals.matrix.toarray()
     weights = rng.standard_normal(space.n_dofs)
@@ -97,7 +103,7 @@ def test_huge_noise_gives_the_prior_mean_and_its_spread():
             return functionals_of(np.eye(space.n_dofs)[-1:])
 
     data = 100 * rng.standard_normal((functionals.count, 5, 2))
-    estimate = MinimumVariance().prepare(background, functionals, WhiteNoise(1e9)).estimate(data)
+    estimate = MinimumVariance(deviations="model").prepare(background, functionals, WhiteNoise(1e9)).estimate(data)
     prior = background.lift(background.mean())
     assert np.allclose(estimate.state(series=0), prior, atol=1e-5)
     values = background.lift(background.coefficients)[-1].mean(axis=0)
@@ -161,3 +167,34 @@ def test_exact_data_are_trusted_as_far_as_the_training_set_represents_unseen_cas
     largest = MinimumVariance().prepare(poor, functionals, WhiteNoise()).factors[0][1][0]
     assert floors[0] < floors[1]
     assert 1e-3 * largest < floors[1] < largest
+
+
+@given(seed=st.integers(0, 2**31), window=st.sampled_from(["cycle", "step"]), scale=st.floats(0.1, 3.0))
+def test_claimed_variance_is_that_of_held_out_errors_and_of_noise(seed, window, scale):
+    """Against estimators prepared without the held-out trajectories, and unit errors of each value."""
+    rng, _, background, functionals = setting(seed)
+    settings = MinimumVariance(window=window, floor=1e-9)
+    prepared = settings.prepare(background, functionals, WhiteNoise(0.7))
+    probe = functionals_of(rng.standard_normal((2, background.space.n_dofs)))
+    weights = np.array([0.2, 0, 0.5, 0, 0.3])
+    on_modes = np.einsum("t,sr->str", weights, background.observe(probe.matrix))
+    data = rng.standard_normal((functionals.count, 5, 1))
+    claimed = prepared.estimate(data, scale).uncertainty.variance(on_modes, None)[:, 0]
+    total = np.zeros(2)
+    for fold in range(8):
+        mask = np.arange(background.n_samples) % 8 == fold
+        fewer = replace(
+            background, coefficients=background.coefficients[:, :, ~mask], samples=background.samples[~mask]
+        )
+        without = settings.prepare(fewer, functionals, WhiteNoise(0.7))
+        for k in np.flatnonzero(mask):
+            states = background.lift(background.coefficients[:, :, k])
+            found = without.estimate(functionals(states)[:, :, None], scale).state(series=0)
+            total += (probe(states - found) @ weights) ** 2 / background.n_samples
+    zero = prepared.estimate(np.zeros((functionals.count, 5, 1)), scale).state(series=0)
+    for i in range(functionals.count):
+        for t in range(5):
+            data = np.zeros((functionals.count, 5, 1))
+            data[i, t] = 0.7 * scale
+            total += (probe(prepared.estimate(data, scale).state(series=0) - zero) @ weights) ** 2
+    assert np.allclose(claimed, total, rtol=1e-5, atol=1e-12)

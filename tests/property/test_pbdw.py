@@ -1,5 +1,7 @@
 """PBDW against dense linear algebra that shares no code with it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,6 +11,7 @@ from dacore.algebra.gram import RieszMap, orthonormaliser
 from dacore.algebra.stability import inf_sup_constants
 from dacore.core.noise import WhiteNoise
 from dacore.errors import ShapeError, UnstableError
+from dacore.estimators.frames import build_frames, held_out_tails, offset_of
 from dacore.estimators.pbdw import PBDW
 from dacore.estimators.saddle_point import solve_saddle_point
 from tests.spaces import Chain, functionals_of, random_background, random_functionals
@@ -199,23 +202,29 @@ def test_masked_estimate_equals_one_prepared_on_the_valid_functionals(seed):
     assert np.allclose(found.state(), reference.state(), atol=1e-8)
 
 
-@given(seed=st.integers(0, 2**31))
-def test_claimed_variance_matches_sampled_errors(seed):
-    """Linear in the state and in the noise: the variance formula equals the sum over unit errors."""
+@given(seed=st.integers(0, 2**31), variant=st.sampled_from(VARIANTS))
+def test_claimed_variance_is_that_of_held_out_errors_and_of_noise(seed, variant):
+    """Against estimators prepared without the held-out trajectories, and unit errors of each value."""
     rng, _, background, functionals = setting(seed)
-    prepared = PBDW(n=3, tails="training").prepare(background, functionals, WhiteNoise(0.7))
+    settings = PBDW(n=3, tails="training", weights={"p": 1e-2}, **variant)
+    prepared = settings.prepare(background, functionals, WhiteNoise(0.7))
     estimate = prepared.estimate(rng.standard_normal((functionals.count, 5, 1)), noise_scale=0.5)
     probe = functionals_of(rng.standard_normal((2, background.space.n_dofs)))
-    reduced = background.observe(probe.matrix)
-    on_modes = np.einsum("t,sr->str", np.array([0.2, 0, 0.5, 0, 0.3]), reduced)
-    on_correction = np.einsum("t,sm->stm", np.array([0.2, 0, 0.5, 0, 0.3]), prepared.riesz.pair(probe))
+    weights = np.array([0.2, 0, 0.5, 0, 0.3])
+    on_modes = np.einsum("t,sr->str", weights, background.observe(probe.matrix))
+    on_correction = np.einsum("t,sm->stm", weights, prepared.riesz.pair(probe))
     claimed = estimate.uncertainty.variance(on_modes, on_correction)[:, 0]
     total = np.zeros(2)
-    weights = np.array([0.2, 0, 0.5, 0, 0.3])
-    for k in range(background.n_samples):
-        states = background.lift(background.coefficients[:, :, k])
-        found = prepared.estimate(functionals(states)[:, :, None]).state(series=0)
-        total += (probe(states - found) @ weights) ** 2 / (background.n_samples - 1)
+    for fold in range(5):
+        mask = np.arange(background.n_samples) % 5 == fold
+        fewer = replace(
+            background, coefficients=background.coefficients[:, :, ~mask], samples=background.samples[~mask]
+        )
+        without = settings.prepare(fewer, functionals, WhiteNoise(0.7))
+        for k in np.flatnonzero(mask):
+            states = background.lift(background.coefficients[:, :, k])
+            found = without.estimate(functionals(states)[:, :, None]).state(series=0)
+            total += (probe(states - found) @ weights) ** 2 / background.n_samples
     zero = prepared.estimate(np.zeros((functionals.count, 5, 1))).state(series=0)
     for i in range(functionals.count):
         for t in range(5):
@@ -223,6 +232,48 @@ def test_claimed_variance_matches_sampled_errors(seed):
             data[i, t] = 0.7 * 0.5
             total += (probe(prepared.estimate(data).state(series=0) - zero) @ weights) ** 2
     assert np.allclose(claimed, total, rtol=1e-6, atol=1e-12)
+
+
+def test_held_out_tails_do_not_know_what_they_predict():
+    """With as many modes as samples but one, a space spans its own training set; unseen samples it does not."""
+    rng = np.random.default_rng(0)
+    coefficients = rng.standard_normal((40, 1, 6))
+    (tails,) = held_out_tails(coefficients, "phase", np.ones(40), "phase", 5)
+    assert tails[5] > 0.5
+    offset = offset_of(coefficients, "phase")
+    (frame,) = build_frames(coefficients, offset, np.ones(40), "phase", 5)
+    assert frame.tails[5] < 1e-10
+
+
+def test_a_training_set_that_does_not_vary_is_refused():
+    _, _, background, functionals = setting(1)
+    same = replace(background, coefficients=np.repeat(background.coefficients[:, :, :1], 12, axis=2))
+    with pytest.raises(ShapeError, match="all trajectories are the same"):
+        PBDW(n=2, weights={"p": 1.0}).prepare(same, functionals, WhiteNoise())
+
+
+def test_a_background_space_that_is_not_seen_is_refused():
+    _, space, background, _ = setting(1)
+    blind = np.zeros((3, space.n_dofs))
+    blind[:, space.layout.block("u")] = np.eye(3, 28)
+    blind = functionals_of(blind)
+    flat = replace(background, coefficients=background.coefficients.copy())
+    flat.coefficients[background.block("u")] = 0.0
+    with pytest.raises(UnstableError, match="see no mode"):
+        PBDW(n="bound", weights={"p": 1.0}).prepare(flat, blind, WhiteNoise())
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (PBDW(n=2), "nothing given for p"),
+        (PBDW(n=2, weights={"q": 1.0}), "got the field 'q'"),
+        (PBDW(n=20, weights={"p": 1.0}), "a phase has at most 12 modes from 12 samples"),
+    ],
+)
+def test_what_no_training_can_mend_is_said_before(settings, message):
+    with pytest.raises(ShapeError, match=message):
+        settings.check(Chain(4).layout, 12)
 
 
 def test_dependent_functionals_are_named():

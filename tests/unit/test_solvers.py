@@ -302,3 +302,17 @@ def test_solvers_are_linear_solvers_and_name_themselves():
         solver = make_solver(matrix, definite, method)
         assert isinstance(solver, LinearSolver)
         assert solver.name
+
+
+def test_nearly_repeated_right_hand_sides_do_not_spoil_the_memory():
+    """A memory of nearly dependent solutions once led the solver away from the true residual."""
+    rng = np.random.default_rng(0)
+    n = 60
+    factor = rng.standard_normal((n, n))
+    matrix = csr_array(factor @ factor.T / n + 3 * np.eye(n))
+    solver = make_solver(matrix, np.ones(n, dtype=bool), "direct", tolerance=1e-12)
+    base = rng.standard_normal(n)
+    for k in range(40):
+        rhs = base + 10.0 ** -(k % 13) * rng.standard_normal(n)
+        found = solver.solve(rhs)
+        assert np.linalg.norm(matrix @ found - rhs) <= 1e-11 * np.linalg.norm(rhs)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from operator import itemgetter
 from typing import Literal
 
@@ -114,14 +115,12 @@ class Biot(Physics):
         unknown = [name for name in (*self.ranges, *self.log_uniform) if name not in every]
         if unknown:
             raise ShapeError(f"Biot parameters: got {', '.join(unknown)}, expected any of {', '.join(every)}")
-        return ParameterSpace(
-            tuple(
-                Parameter(
-                    name, unit, *self.ranges.get(name, bounds), "log_uniform" if name in self.log_uniform else "uniform"
-                )
-                for name, (unit, bounds) in every.items()
-            )
-        )
+        out = []
+        for name, (unit, bounds) in every.items():
+            kind: Literal["uniform", "log_uniform"] = "log_uniform" if name in self.log_uniform else "uniform"
+            admissible = partial(material.check, name) if name in material.bounded() else None
+            out.append(Parameter(name, unit, *self.ranges.get(name, bounds), kind, admissible))
+        return ParameterSpace(tuple(out))
 
     def build(self, discretize: Discretize) -> AffineModel:
         """Assemble the seven matrices and the loads on a mesh.
