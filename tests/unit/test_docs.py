@@ -248,7 +248,7 @@ def run_block(text, folder):
 def test_the_example_of_the_readme_runs_and_does_what_it_says(clone):
     (block,) = blocks((ROOT / "README.md").read_text(encoding="utf-8"), "python")
     out = run_block(block, clone)
-    value, deviation = map(float, re.search(r"estimated \[+(\S+?)\]+ \+- \[+(\S+?)\]+", out).groups())
+    value, deviation = map(float, re.search(r"estimated (\S+) \+- (\S+)", out).groups())
     true = float(re.search(r"true +(\S+)", out)[1])
     assert 0 < deviation < 1000
     assert abs(value - true) < 4 * deviation

@@ -75,7 +75,7 @@ def test_a_bad_value_names_the_key_what_was_given_and_what_is_allowed(tmp_path, 
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("table", ["domain", "physics", "observation", "estimator"])
+@pytest.mark.parametrize("table", ["physics", "observation", "estimator"])
 def test_a_missing_table_is_named(tmp_path, table):
     lines, keep = [], True
     for line in GOOD.splitlines():
