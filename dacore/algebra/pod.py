@@ -2,7 +2,7 @@
 
 The Gram matrix AᵀMA squares singular values: one pass resolves them down to about 1e-8 of the
 largest. Each further pass works on what the modes found so far leave over, so the basis reaches
-any tolerance above round-off. Source: the paper's section on POD; METHOD: C = AᵀMA = BΛBᵀ, Φ = ABΛ^(−1/2).
+any tolerance above round-off. Source: the paper's section on POD, corrected: C = AᵀMA = BΛBᵀ, Φ = ABΛ^(−1/2).
 """
 
 import numpy as np

@@ -48,7 +48,7 @@ class ReducedSpace:
 
     @property
     def tails(self) -> Array:
-        """ε̂_n = (Σ_{i>n} σ_i² / Σ_i σ_i²)^½ for n = 0 … k, a (k + 1,) array (METHOD: POD)."""
+        """ε̂_n = (Σ_{i>n} σ_i² / Σ_i σ_i²)^½ for n = 0 … k, a (k + 1,) array (docs/method.md: The training set)."""
         return relative_tails(self.singular_values)
 
     def project(self, states: Array) -> Array:

@@ -1,8 +1,8 @@
 """Background spaces V_n in the coordinates of the training set: joint modes, means, tails.
 
 A background keeps one orthonormal basis for each field; scaling the coefficients of field f by
-√weight_f turns the weighted norm into the Euclidean one, so the joint POD of METHOD's section on
-POD is a singular value decomposition of a small array.
+√weight_f turns the weighted norm into the Euclidean one, so the joint POD (docs/method.md: The training
+set) is a singular value decomposition of a small array.
 """
 
 from collections.abc import Mapping
@@ -50,7 +50,7 @@ def offset_of(coefficients: Array, centring: Centring) -> Array:
 
 
 def field_weights(background: Background, weights: Weights, fluctuations: Array) -> dict[str, float]:
-    """Weight of each field; "balanced" is ζ = (max‖u‖ / max‖p‖)², METHOD's section on POD.
+    """Weight of each field; "balanced" is ζ = (max‖u‖ / max‖p‖)² (docs/method.md: The training set).
 
     Parameters
     ----------
@@ -110,18 +110,20 @@ def build_frames(
     else:
         sets = [fluctuations.reshape(len(scale), -1)]
     size = float(np.linalg.norm(scale[:, None, None] * coefficients))
-    return tuple(_frame(data, scale, max_dimension, size) for data in sets)
-
-
-def _frame(scaled: Array, scale: Array, max_dimension: int, size: float) -> Frame:
-    vectors, values, _ = np.linalg.svd(scaled, full_matrices=False)
-    rank = int((values > 1e-13 * values[0]).sum())
-    # What is left of equal trajectories less their mean is rounding.
-    if not values[0] > 1e-13 * size:
+    frames = tuple(_frame(data, scale, max_dimension, size) for data in sets)
+    if not any(frame.modes.shape[1] for frame in frames):
         raise ShapeError(
             "training set: all trajectories are the same, so there is no space to build; train on more than one "
             "sample, or give a parameter a range"
         )
+    return frames
+
+
+def _frame(scaled: Array, scale: Array, max_dimension: int, size: float) -> Frame:
+    """Modes of one set; none where nothing varies, as at a time when a load has not begun."""
+    vectors, values, _ = np.linalg.svd(scaled, full_matrices=False)
+    # What is left of equal trajectories less their mean is rounding.
+    rank = int((values > 1e-13 * values[0]).sum()) if values[0] > 1e-13 * size else 0
     return Frame(vectors[:, : min(max_dimension, rank)] / scale[:, None], values, relative_tails(values))
 
 

@@ -1,4 +1,4 @@
-"""Parametrised-background data-weak estimation, exact data fit (METHOD: PBDW).
+"""Parametrised-background data-weak estimation, exact data fit (docs/method.md: PBDW).
 
 With orthonormal representers W of the functionals and orthonormal modes Φ of V_n, G = WᵀMΦ::
 
@@ -170,6 +170,8 @@ class PreparedPBDW(PreparedEstimator):
 
     def _choose(self, frame: Frame, constants: Array) -> int:
         wanted = self.settings.n
+        if len(constants) == 0:
+            return 0
         if wanted == "bound":
             curve = self.bound(frame, constants)
             if not np.isfinite(curve).any():
@@ -192,15 +194,17 @@ class PreparedPBDW(PreparedEstimator):
 
     @staticmethod
     def bound(frame: Frame, constants: Array) -> Array:
-        """ε̂_n/β_n for n = 1 … N, infinite where β_n vanishes (METHOD: nested-space selection)."""
+        """ε̂_n/β_n for n = 1 … N, infinite where β_n vanishes (docs/method.md: PBDW)."""
         tails = frame.tails[1 : len(constants) + 1]
         with np.errstate(divide="ignore"):
             return np.asarray(np.where(constants >= SMALLEST_INF_SUP, tails / constants, np.inf))
 
     @property
     def inf_sup(self) -> Array:
-        """β_n (t,) in use at each observed step."""
-        values = np.array([beta[n - 1] for beta, n in zip(self.constants, self.dimensions, strict=True)])
+        """β_n (t,) in use at each observed step; NaN where nothing varies and no mode is in use."""
+        values = np.array(
+            [beta[n - 1] if n else np.nan for beta, n in zip(self.constants, self.dimensions, strict=True)]
+        )
         return np.broadcast_to(values, (len(self.steps),)).copy() if len(values) == 1 else values
 
     def spaces(self) -> tuple[BackgroundSpace, ...]:

@@ -4,7 +4,7 @@ u* = argmin ‖Π_{V_n^⊥} u‖² subject to ⟨w_i, u⟩ = l_i, so with orthon
 
     [[I − ΦΦᵀM, −W], [WᵀM, 0]] (u, λ) = (0, l)
 
-(METHOD: PBDW; the paper prints λ = Wᵀη and a constraint row without M, see the errata).
+(docs/method.md: PBDW; the paper prints λ = Wᵀη and a constraint row without M, see the errata).
 """
 
 import numpy as np

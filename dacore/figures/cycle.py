@@ -54,27 +54,28 @@ def cycle_errors(
     figure, grid = sheet(
         len(measures), len(histories), 1.75 * len(measures) + 0.7, caption, sharex=True, sharey="row"
     )  # fmt: skip
+    factor, unit = (1.0, "s") if times[-1] >= 1.0 else (1e3, "ms")
     for row, name in enumerate(measures):
         for column, history in enumerate(histories):
             axes = grid[row, column]
             log_axis(axes, plain=True)
             errors = _percent(history.errors[name])
             strength = float(np.clip(6.0 / errors.shape[1], 0.12, 0.5))
-            axes.plot(1e3 * times, errors, color=colour(column), alpha=strength, linewidth=0.8)
-            axes.plot(1e3 * times, np.nanmean(errors, axis=1), color=colour(column), linewidth=2.2)
+            axes.plot(factor * times, errors, color=colour(column), alpha=strength, linewidth=0.8)
+            axes.plot(factor * times, _mean(errors), color=colour(column), linewidth=2.2)
             axes.plot([], [], color="#777777", linewidth=2.2, label="mean over the cases")
             axes.plot([], [], color="#777777", alpha=0.5, linewidth=0.8, label="each case")
             if name in prior:
                 guess = _percent(prior[name])
-                guess = guess if guess.ndim == 1 else np.nanmean(guess, axis=1)
+                guess = guess if guess.ndim == 1 else _mean(guess)
                 axes.plot(
-                    1e3 * times, guess, color=INK, linestyle=(0, (5, 3)), linewidth=1.2,
+                    factor * times, guess, color=INK, linestyle=(0, (5, 3)), linewidth=1.2,
                     label="guessing the training mean",
                 )  # fmt: skip
             if row == 0:
                 axes.set_title(pretty(history.label))
             if row == len(measures) - 1:
-                axes.set_xlabel("time [ms]")
+                axes.set_xlabel(f"time [{unit}]")
         grid[row, 0].set_ylabel(f"{pretty(name)}  [%]")
     legend_below(figure, list(grid.flat))
     return figure
@@ -83,3 +84,11 @@ def cycle_errors(
 def _percent(values: Array) -> Array:
     percent = 100.0 * np.asarray(values, dtype=np.float64)
     return np.where(percent > 0, percent, np.nan)
+
+
+def _mean(errors: Array) -> Array:
+    """Mean over the cases (t,) of what is known; NaN at a time when nothing is."""
+    known = np.isfinite(errors)
+    count = known.sum(axis=1)
+    total = np.where(known, errors, 0.0).sum(axis=1)
+    return np.asarray(np.divide(total, count, out=np.full(len(errors), np.nan), where=count > 0))

@@ -36,7 +36,7 @@ class InfSupCurve:
 
 @styled
 def inf_sup(curves: Sequence[InfSupCurve], caption: str = "") -> Figure:
-    """Draw β_n = min over V_n of ‖Π_W v‖/‖v‖ (METHOD: PBDW) for several spaces or observations."""
+    """Draw β_n = min over V_n of ‖Π_W v‖/‖v‖ (docs/method.md: PBDW) for several spaces or observations."""
     figure, ((axes,),) = sheet(1, 1, 3.6, caption, width=7.0)
     log_axis(axes)
     for index, curve in enumerate(curves):

@@ -36,7 +36,7 @@ class Spectrum:
 
 @styled
 def spectrum(spaces: Sequence[Spectrum], caption: str = "", largest: int | None = None) -> Figure:
-    """Draw σ_i/σ_1 and the tails ε̂_n = (Σ_{i>n} σ_i² / Σ_i σ_i²)^½ (METHOD: POD) side by side.
+    """Draw σ_i/σ_1 and the tails ε̂_n = (Σ_{i>n} σ_i² / Σ_i σ_i²)^½ (docs/method.md: The training set) side by side.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ class Training(Table):
 
 
 class Noise(Table):
-    """``[noise]``: levels Ξ; σ = Ξ · max |ℓ_i(u(t))| of each test case (METHOD: noise)."""
+    """``[noise]``: levels Ξ; σ = Ξ · max |ℓ_i(u(t))| of each test case (docs/method.md: Noise)."""
 
     levels: Annotated[list[Annotated[float, Field(ge=0, lt=10)]], Field(min_length=1)] = [0.0]
     seed: Annotated[int, Field(ge=0)] = 3

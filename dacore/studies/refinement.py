@@ -1,7 +1,7 @@
 """Discretisation error in time: the same model with its steps divided.
 
 A reconstruction error against a truth computed with the same steps says nothing about the error
-of those steps; this study measures it beside every reconstruction (METHOD: time integration).
+of those steps; this study measures it beside every reconstruction (docs/method.md: Time).
 """
 
 from collections.abc import Mapping

@@ -2,7 +2,7 @@
 
 Errors are relative norms for each field: at each step, and over the whole trajectory (ratio of
 space–time norms, which does not explode where the field is tiny). Beside every estimator stands
-the guess of the training mean. METHOD: noise, errors, biomarker.
+the guess of the training mean. docs/method.md: Noise, Errors and numbers of interest.
 """
 
 import time

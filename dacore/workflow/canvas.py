@@ -85,8 +85,12 @@ class Canvas:
     @cached_property
     def spaces(self) -> dict[str, tuple[BackgroundSpace, ...]]:
         """Background spaces V_n of the estimators that have some."""
-        found = {name: self.runner[f"prepared.{name}"].spaces() for name in self.builder.scene.estimator}
-        return {name: each for name, each in found.items() if each}
+        found = {}
+        for name in self.builder.scene.estimator:
+            spaces = tuple(space for space in self.runner[f"prepared.{name}"].spaces() if space.n > 0)
+            if spaces:
+                found[name] = spaces
+        return found
 
     @cached_property
     def hidden(self) -> Field | None:

@@ -122,6 +122,8 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
     def make_checks(results: Results, _: Path) -> bool:
         """What is measured and asked fits the state and the parameters: known before anything is trained."""
         builder.check_before_training(results["model"].space, results["parameters"])
+        if scene.validation.refine_time > 1 and not isinstance(results["model"], MarchedModel):
+            raise SceneError(f"{builder.where}: validation.refine_time: this model steps by itself; set it to 0")
         _ = results["functionals"]
         return True
 
@@ -136,9 +138,7 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
         )  # fmt: skip
 
     def make_refinement(results: Results, _: Path) -> Any:
-        model = results["model"]
-        if not isinstance(model, MarchedModel):
-            raise SceneError(f"{builder.where}: validation.refine_time: this model steps by itself; set it to 0")
+        model: MarchedModel = results["model"]
         middle = {p.name: float(p.quantile(np.array(0.5))) for p in results["parameters"].parameters}
         factor = scene.validation.refine_time
         meter = ErrorMeter(

@@ -24,6 +24,13 @@ def percent(value: float) -> str:
     return f"{scaled:.2g}%"
 
 
+def number_text(value: float) -> str:
+    """A number of three digits: "2.24", "76.8", "3,450"."""
+    if not np.isfinite(value) or abs(value) >= 1e7 or 0 < abs(value) < 1e-3:
+        return f"{value:.2e}"
+    return f"{float(f'{value:.3g}'):,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+
+
 def noise_name(level: float) -> str:
     """Say how much noise: "no noise", "10% noise"."""
     return "no noise" if level == 0 else f"{percent(level)} noise"
@@ -88,7 +95,7 @@ def _texts(outcome: Outcome, labels: Sequence[str]) -> list[str]:
     for label in labels:
         values = outcome.space_time[label]
         texts.append(f"{percent(float(values.mean()))} ({percent(float(values.max()))})")
-    return texts + [f"{q.rms:.3g} ({q.worst:.3g})" for q in outcome.quantities.values()]
+    return texts + [f"{number_text(q.rms)} ({number_text(q.worst)})" for q in outcome.quantities.values()]
 
 
 def _tone(index: int, best: int, value: float, guess: float) -> Tone:
