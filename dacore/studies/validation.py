@@ -199,7 +199,7 @@ def validate(
     prior = Estimate(background, steps, np.repeat(background.mean()[:, :, None], count, axis=2))
     jobs.insert(0, (PRIOR, 0.0, prior, 0.0))
     weights = balanced_weights(background, background.coefficients - background.mean()[:, :, None])
-    meter = ErrorMeter(space, background.kind, contrasts, weights)
+    meter = ErrorMeter(space, "l2", contrasts, weights)
     tables: list[list[dict[str, tuple[Array, Array]]]] = [[] for _ in jobs]
     for case, truth in enumerate(truths):
         reference = meter.reference(truth.states)

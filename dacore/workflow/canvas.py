@@ -6,18 +6,15 @@ from functools import cached_property
 import numpy as np
 
 from dacore.core.arrays import Array
-from dacore.core.background import Background
 from dacore.core.estimator import BackgroundSpace
 from dacore.core.fields import Field
-from dacore.core.observation import Functionals
 from dacore.dynamics.march import MarchedModel
 from dacore.figures.comparison import Compared
 from dacore.figures.slices import HEAD, Frame, Slab, View
 from dacore.geometry.cut import cut_plane, planar_domain
-from dacore.pipeline.runner import Runner
-from dacore.studies.validation import Outcome, Validation
-from dacore.workflow.build import Builder
+from dacore.studies.validation import Outcome
 from dacore.workflow.drawn import unit_text
+from dacore.workflow.session import Session
 from dacore.workflow.tables import name_of
 
 
@@ -27,39 +24,19 @@ class Canvas:
 
     Parameters
     ----------
-    builder : Builder
-    runner : Runner
+    session : Session
         With the results of the scene's targets.
     """
 
-    builder: Builder
-    runner: Runner
-
-    @cached_property
-    def background(self) -> Background:
-        """The compressed training set."""
-        made: Background = self.runner["background"]
-        return made
-
-    @cached_property
-    def validation(self) -> Validation:
-        """Errors on unseen cases."""
-        made: Validation = self.runner["validation"]
-        return made
-
-    @cached_property
-    def functionals(self) -> Functionals:
-        """What is measured."""
-        made: Functionals = self.runner["functionals"]
-        return made
+    session: Session
 
     @cached_property
     def caption(self) -> str:
         """Scene, size and scheme in one line."""
-        scene, model = self.builder.scene, self.runner["model"]
+        scene, model = self.session.builder.scene, self.session.model
         parts = [scene.title]
         if scene.domain is not None:
-            parts.append(f"{len(self.runner['domain'].points):,} nodes")
+            parts.append(f"{len(self.session.mesh.points):,} nodes")
         if isinstance(model, MarchedModel):
             time = scene.time
             rule = time.first_order.replace("_", " ")
@@ -69,25 +46,25 @@ class Canvas:
     @cached_property
     def frame(self) -> Frame:
         """Names of the axes."""
-        return HEAD if self.builder.scene.report.anatomical else Frame()
+        return HEAD if self.session.builder.scene.report.anatomical else Frame()
 
     @cached_property
     def has_slices(self) -> bool:
         """Whether the domain can be cut or shown as a plane."""
-        space = self.background.space
+        space = self.session.background.space
         return "cells" in space.capabilities and space.cells().points.shape[1] in (2, 3)
 
     @cached_property
     def planar(self) -> bool:
         """Whether the domain has two dimensions."""
-        return bool(self.background.space.cells().points.shape[1] == 2)
+        return bool(self.session.background.space.cells().points.shape[1] == 2)
 
     @cached_property
     def spaces(self) -> dict[str, tuple[BackgroundSpace, ...]]:
         """Background spaces V_n of the estimators that have some."""
         found = {}
-        for name in self.builder.scene.estimator:
-            spaces = tuple(space for space in self.runner[f"prepared.{name}"].spaces() if space.n > 0)
+        for name in self.session.builder.scene.estimator:
+            spaces = tuple(space for space in self.session.prepared(name).spaces() if space.n > 0)
             if spaces:
                 found[name] = spaces
         return found
@@ -95,14 +72,14 @@ class Canvas:
     @cached_property
     def hidden(self) -> Field | None:
         """The last field that no functional sees, if there is one."""
-        layout = self.background.space.layout
-        unseen = [f for f in layout.fields if not self.functionals.matrix[:, layout.block(f.name)].nnz]
+        layout = self.session.background.space.layout
+        unseen = [f for f in layout.fields if not self.session.functionals.matrix[:, layout.block(f.name)].nnz]
         return unseen[-1] if unseen else None
 
     def view(self) -> View:
         """The plane the report looks at, with the measured slices marked."""
-        views = self.builder.scene.report
-        cells = self.background.space.cells()
+        views = self.session.builder.scene.report
+        cells = self.session.background.space.cells()
         if self.planar:
             return View(planar_domain(cells.points, cells.cells), self.frame)
         axis = "xyz".index(views.plane)
@@ -122,30 +99,30 @@ class Canvas:
     @cached_property
     def layers(self) -> tuple[int, Array, float] | None:
         """Axis, places and thickness of the measured layers, if the voxels fill few."""
-        if not self.functionals.spacing or not self.has_slices or self.planar:
+        if not self.session.functionals.spacing or not self.has_slices or self.planar:
             return None
-        places = [np.unique(self.functionals.centres[:, k].round(6)) for k in range(3)]
+        places = [np.unique(self.session.functionals.centres[:, k].round(6)) for k in range(3)]
         axis = int(np.argmin([len(each) for each in places]))
         if len(places[axis]) > 4:
             return None
-        return axis, places[axis], float(self.functionals.spacing[axis])
+        return axis, places[axis], float(self.session.functionals.spacing[axis])
 
     def step_at(self, moment: float | None) -> int:
         """Recorded step next to a time; the middle of the recorded steps for None."""
-        times = self.background.times
+        times = self.session.background.times
         return len(times) // 2 if moment is None else int(np.argmin(np.abs(times - moment)))
 
     def quantity_unit(self, name: str) -> str:
         """Unit of a quantity."""
-        return unit_text(self.builder.quantities[name].functionals(self.background.space).unit)
+        return unit_text(self.session.builder.quantities[name].functionals(self.session.background.space).unit)
 
     def outcomes(self, level: float) -> list[Outcome]:
         """Outcomes of the estimators at one noise level, in the order of the scene."""
-        return [self.validation.outcome(name, level) for name in self.builder.scene.estimator]
+        return [self.session.validation.outcome(name, level) for name in self.session.builder.scene.estimator]
 
     def values(self, view: View, states: Array, field: str) -> Array:
         """Values of a field of states (n_dofs, n) on a cut: (n, c, q)."""
-        space = self.background.space
+        space = self.session.background.space
         layout, cells = space.layout, space.cells()
         matrix = view.cut.interpolation(cells.nodes[field], cells.orders[field], layout.nodes[field])
         values = states.reshape(states.shape[0], -1)[layout.block(field)]
@@ -156,17 +133,17 @@ class Canvas:
         """Truth and estimate of a field on a cut: the length of a vector, a scalar less its contrast's constant."""
         one = self.values(view, truth, field)[0]
         other = self.values(view, estimate, field)[0]
-        unit = unit_text(self.background.space.layout.field(field).unit)
-        label = f"{name_of(self.builder, outcome.estimator)}"
+        unit = unit_text(self.session.background.space.layout.field(field).unit)
+        label = f"{name_of(self.session.builder, outcome.estimator)}"
         if len(one) > 1:
             size = np.linalg.norm(one, axis=0)
             return Compared(
                 f"|{field}|", unit, size, np.linalg.norm(other, axis=0), None, np.linalg.norm(other - one, axis=0),
                 label, signed=False,
             )  # fmt: skip
-        for contrast in self.builder.scene.validation.contrasts:
+        for contrast in self.session.builder.scene.validation.contrasts:
             if contrast.field == field:
-                constant = self.background.parameters[contrast.minus].low
+                constant = self.session.background.parameters[contrast.minus].low
                 return Compared(
                     f"{field} − {contrast.minus}", unit, one[0] - constant, other[0] - constant, label=label
                 )

@@ -4,11 +4,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from dacore.core.background import Background
 from dacore.figures.style import png
 from dacore.io.atomic import atomic_write
 from dacore.io.fields import write_series, write_vtu
-from dacore.pipeline.runner import Runner
 from dacore.studies.errors import JOINT
 from dacore.studies.validation import PRIOR, Validation
 from dacore.workflow.build import Builder
@@ -18,24 +16,24 @@ from dacore.workflow.pictures import draw_all
 from dacore.workflow.report import write_report
 from dacore.workflow.report_parts import Card, Picture, Provenance, Report, Section, Table, Timing
 from dacore.workflow.results import SAME_DISCRETISATION
+from dacore.workflow.session import Session
 from dacore.workflow.tables import error_table, name_of, noise_name, percent, refinement_table
 
 
-def tables(builder: Builder, runner: Runner, joint: bool = True) -> list[Table]:
+def tables(session: Session, joint: bool = True) -> list[Table]:
     """Error tables of every noise level, and the discretisation error if it was asked for.
 
     Parameters
     ----------
-    builder : Builder
-    runner : Runner
+    session : Session
     joint : bool
         Whether to show the error of the joint norm, which a narrow terminal has no room for.
     """
-    space, validation = runner["model"].space, runner["validation"]
+    builder, space, validation = session.builder, session.model.space, session.validation
     labels = [label for label in validation.errors if joint or label != JOINT]
     out = [error_table(builder, space, validation, level, labels) for level in builder.scene.noise.levels]
     if builder.scene.validation.refine_time > 1:
-        out.append(refinement_table(runner["refinement"]))
+        out.append(refinement_table(session.refinement))
     return out
 
 
@@ -50,25 +48,24 @@ def write_figures(pictures: Iterable[Drawn], folder: Path) -> dict[str, Picture]
     return out
 
 
-def write_fields(builder: Builder, runner: Runner, folder: Path) -> list[Path]:
+def write_fields(session: Session, folder: Path) -> list[Path]:
     """Write the worst case of the best estimator at each noise level as time series, and the first modes.
 
     In ParaView, open the ``.xdmf`` files: fields truth_*, estimate_* and difference_* over the cycle.
     """
-    background: Background = runner["background"]
-    validation: Validation = runner["validation"]
+    builder, background, validation = session.builder, session.background, session.validation
     files = []
     for level in builder.scene.noise.levels:
         best = validation.best(list(builder.scene.estimator), level)
         if best.estimate is None:
             continue
         case = best.worst_case(validation.headline)
-        truth, estimate = runner["truth"][case].states, best.estimate.state(series=case)
+        truth, estimate = session.truth[case].states, best.estimate.state(series=case)
         path = folder / f"worst_case_{tag(level)}.xdmf"
         series = {"truth_": truth, "estimate_": estimate, "difference_": estimate - truth}
         write_series(background.space, series, background.times, path)
         files.append(path)
-    spaces = Canvas(builder, runner).spaces
+    spaces = Canvas(session).spaces
     if spaces:
         modes = background.lift(next(iter(spaces.values()))[0].modes[:, :8])
         path = folder / "modes.vtu"
@@ -77,11 +74,9 @@ def write_fields(builder: Builder, runner: Runner, folder: Path) -> list[Path]:
     return files
 
 
-def make_report(
-    builder: Builder, runner: Runner, pictures: dict[str, Picture], summary: dict[str, Any], scene_text: str
-) -> Report:
+def make_report(session: Session, pictures: dict[str, Picture], summary: dict[str, Any], scene_text: str) -> Report:
     """Put results and figures together for reading."""
-    validation: Validation = runner["validation"]
+    builder, validation = session.builder, session.validation
     facts = {
         "Versions": summary["versions"],
         "Seeds": {name: str(seed) for name, seed in summary["seeds"].items()},
@@ -94,7 +89,7 @@ def make_report(
             "modes kept": ", ".join(f"{n} of {name}" for name, n in summary["background"]["modes"].items()),
         },
     }
-    timings = [Timing(name, seconds) for name, seconds in runner.timings.items()]
+    timings = [Timing(name, seconds) for name, seconds in session.runner.timings.items()]
     memory = int(max(summary["peak_memory_mib"].values()) * 2**20)
     named = dict(pictures)
 
@@ -110,13 +105,13 @@ def make_report(
             f"**Reference:** {SAME_DISCRETISATION}. Every error stands beside the error of guessing the training mean, "
             "because a field that hardly varies flatters any estimate. Green: the best of its column; red: worse than "
             "guessing.",
-            [*tables(builder, runner), *take("summary")],
+            [*tables(session), *take("summary")],
         ),
         Section("What was measured", "", take("measured_slice")),
         Section(
             "Reconstructed fields",
             "",
-            take(*(f"worst_{f.name}_{t}" for t in tags for f in reversed(runner["background"].space.fields))),
+            take(*(f"worst_{f.name}_{t}" for t in tags for f in reversed(session.background.space.fields))),
         ),
         Section("Errors over the cycle", "", take(*(f"errors_{t}" for t in tags))),
         Section("Numbers of interest", "", take(*(f"quantity_{name}" for name in builder.scene.quantity))),
@@ -152,12 +147,12 @@ def cards(builder: Builder, validation: Validation) -> list[Card]:
     return out
 
 
-def publish(builder: Builder, runner: Runner, out: Path, summary: dict[str, Any], scene_text: str) -> list[Path]:
+def publish(session: Session, out: Path, summary: dict[str, Any], scene_text: str) -> list[Path]:
     """Write figures, fields and the report; returns the files a reader opens first."""
-    pictures = write_figures(draw_all(Canvas(builder, runner)), out / "figures")
+    pictures = write_figures(draw_all(Canvas(session)), out / "figures")
     fields = []
-    if "cells" in runner["model"].space.capabilities:
-        fields = write_fields(builder, runner, out / "fields")
+    if "cells" in session.model.space.capabilities:
+        fields = write_fields(session, out / "fields")
     report = out / "report.html"
-    write_report(report, make_report(builder, runner, pictures, summary, scene_text))
+    write_report(report, make_report(session, pictures, summary, scene_text))
     return [report, *fields]

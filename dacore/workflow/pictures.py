@@ -15,7 +15,7 @@ def draw_all(canvas: Canvas) -> Iterator[Drawn]:
     yield draw_summary(canvas)
     if canvas.has_slices:
         yield from draw_measured(canvas)
-        for level in canvas.builder.scene.noise.levels:
+        for level in canvas.session.builder.scene.noise.levels:
             yield from draw_worst(canvas, level)
         yield draw_modes(canvas)
     yield from draw_histories(canvas)

@@ -14,15 +14,16 @@ from dacore.workflow.tables import name_of, noise_name, quantity_title
 
 def draw_histories(canvas: Canvas) -> list[Drawn]:
     """Errors over the cycle for every case, a figure a noise level."""
-    prior = canvas.validation.outcome(PRIOR, 0.0)
+    session = canvas.session
+    prior = session.validation.outcome(PRIOR, 0.0)
     out = []
-    for level in canvas.builder.scene.noise.levels:
+    for level in session.builder.scene.noise.levels:
         histories = [
-            ErrorHistory(name_of(canvas.builder, o.estimator), {error_name(k): v for k, v in o.per_step.items()})
+            ErrorHistory(name_of(session.builder, o.estimator), {error_name(k): v for k, v in o.per_step.items()})
             for o in canvas.outcomes(level)
         ]
         guess = {error_name(label): values for label, values in prior.per_step.items()}
-        figure = cycle_errors(canvas.background.times, histories, guess, f"{canvas.caption} · {noise_name(level)}")
+        figure = cycle_errors(session.background.times, histories, guess, f"{canvas.caption} · {noise_name(level)}")
         out.append(
             Drawn(
                 f"errors_{tag(level)}", figure,
@@ -36,25 +37,26 @@ def draw_histories(canvas: Canvas) -> list[Drawn]:
 
 def draw_summary(canvas: Canvas) -> Drawn:
     """Space–time errors of every estimator at every noise level beside the guess."""
-    levels = canvas.builder.scene.noise.levels
-    names = list(canvas.builder.scene.estimator)
-    prior = canvas.validation.outcome(PRIOR, 0.0)
+    session = canvas.session
+    levels = session.builder.scene.noise.levels
+    names = list(session.builder.scene.estimator)
+    prior = session.validation.outcome(PRIOR, 0.0)
     errors, guess, units = {}, {}, {}
-    for label in [each for each in canvas.validation.errors if each != JOINT]:
+    for label in [each for each in session.validation.errors if each != JOINT]:
         table = [
-            [canvas.validation.outcome(name, level).space_time[label].mean() for level in levels] for name in names
+            [session.validation.outcome(name, level).space_time[label].mean() for level in levels] for name in names
         ]
         errors[error_name(label)] = np.array(table)
         guess[error_name(label)] = float(prior.space_time[label].mean())
-    for title in canvas.builder.scene.quantity:
-        name = quantity_title(canvas.builder, title)
+    for title in session.builder.scene.quantity:
+        name = quantity_title(session.builder, title)
         errors[f"{name} (rms)"] = np.array(
-            [[canvas.validation.outcome(n, level).quantities[title].rms for level in levels] for n in names]
+            [[session.validation.outcome(n, level).quantities[title].rms for level in levels] for n in names]
         )
         guess[f"{name} (rms)"] = prior.quantities[title].rms
         units[f"{name} (rms)"] = canvas.quantity_unit(title)
     figure = summary(
-        [name_of(canvas.builder, name) for name in names], [noise_name(level) for level in levels], errors, guess,
+        [name_of(session.builder, name) for name in names], [noise_name(level) for level in levels], errors, guess,
         canvas.caption, units,
     )  # fmt: skip
     return Drawn(
@@ -66,17 +68,18 @@ def draw_summary(canvas: Canvas) -> Drawn:
 
 def draw_quantities(canvas: Canvas) -> list[Drawn]:
     """Estimated against true quantities, a panel an estimator and noise level."""
-    prior = canvas.validation.outcome(PRIOR, 0.0)
+    session = canvas.session
+    prior = session.validation.outcome(PRIOR, 0.0)
     out = []
-    for title in canvas.builder.scene.quantity:
+    for title in session.builder.scene.quantity:
         panels = []
-        for level in canvas.builder.scene.noise.levels:
+        for level in session.builder.scene.noise.levels:
             for outcome in canvas.outcomes(level):
                 q = outcome.quantities[title]
                 deviation = q.deviation.ravel() if np.isfinite(q.deviation).all() else None
                 panels.append(
                     QuantityPanel(
-                        name_of(canvas.builder, outcome.estimator),
+                        name_of(session.builder, outcome.estimator),
                         noise_name(level),
                         q.truth.ravel(),
                         q.estimate.ravel(),
@@ -84,7 +87,7 @@ def draw_quantities(canvas: Canvas) -> list[Drawn]:
                     )
                 )
         guess = prior.quantities[title]
-        name, unit = quantity_title(canvas.builder, title), canvas.quantity_unit(title)
+        name, unit = quantity_title(session.builder, title), canvas.quantity_unit(title)
         figure = quantity(panels, name, unit, (float(guess.estimate.mean()), guess.rms), canvas.caption)
         out.append(
             Drawn(

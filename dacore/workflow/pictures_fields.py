@@ -15,19 +15,20 @@ from dacore.workflow.tables import name_of, noise_name, percent
 
 def draw_measured(canvas: Canvas) -> list[Drawn]:
     """The measured layer at the scene's time, exact and noisy."""
+    session = canvas.session
     found = canvas.layers
     if found is None:
         return []
     axis, places, _ = found
-    cells = canvas.background.space.cells()
+    cells = session.background.space.cells()
     view = View(cut_plane(cells.points, cells.cells, axis, float(places[len(places) // 2])), canvas.frame)
-    step = canvas.step_at(canvas.builder.scene.report.measured_time)
-    values = {"exact": canvas.validation.clean[:, step, 0]}
-    for level, data in canvas.validation.data.items():
+    step = canvas.step_at(session.builder.scene.report.measured_time)
+    values = {"exact": session.validation.clean[:, step, 0]}
+    for level, data in session.validation.data.items():
         if level > 0:
             values[noise_name(level)] = data[:, step, 0]
-    when = f"t = {time_text(canvas.background.times[step])}, case 1"
-    f = canvas.functionals
+    when = f"t = {time_text(session.background.times[step])}, case 1"
+    f = session.functionals
     return [
         Drawn(
             "measured_slice",
@@ -44,17 +45,18 @@ def draw_measured(canvas: Canvas) -> list[Drawn]:
 
 def draw_worst(canvas: Canvas, level: float) -> list[Drawn]:
     """Truth, reconstruction and difference of each field in the worst case, every estimator a row."""
+    session = canvas.session
     view = canvas.view()
-    step = canvas.step_at(canvas.builder.scene.report.worst_time)
+    step = canvas.step_at(session.builder.scene.report.worst_time)
     outcomes = canvas.outcomes(level)
-    best = canvas.validation.best(list(canvas.builder.scene.estimator), level)
-    case = best.worst_case(canvas.validation.headline)
-    truth = canvas.runner["truth"][case].states[:, step]
+    best = session.validation.best(list(session.builder.scene.estimator), level)
+    case = best.worst_case(session.validation.headline)
+    truth = session.truth[case].states[:, step]
     estimates = [o.estimate.state(series=case, step=step) for o in outcomes if o.estimate is not None]
-    when = f"t = {time_text(canvas.background.times[step])}, case {case + 1}, {noise_name(level)}"
+    when = f"t = {time_text(session.background.times[step])}, case {case + 1}, {noise_name(level)}"
     dashed = " Dashed: the measured slice." if view.slabs else ""
     out = []
-    for field in canvas.background.space.fields:
+    for field in session.background.space.fields:
         rows = [
             canvas.compared(view, field.name, truth, estimate, outcome)
             for outcome, estimate in zip(outcomes, estimates, strict=True)
@@ -62,7 +64,7 @@ def draw_worst(canvas: Canvas, level: float) -> list[Drawn]:
         out.append(
             Drawn(
                 f"worst_{field.name}_{tag(level)}", comparison(view, rows, f"{canvas.caption} · {when}"),
-                f"{rows[0].name} at {when}: the case that “{name_of(canvas.builder, best.estimator)}” reconstructs "
+                f"{rows[0].name} at {when}: the case that “{name_of(session.builder, best.estimator)}” reconstructs "
                 f"worst.{dashed}",
                 f"slices of true and reconstructed {field.name} and their difference",
             )
@@ -72,28 +74,29 @@ def draw_worst(canvas: Canvas, level: float) -> list[Drawn]:
 
 def draw_hero(canvas: Canvas) -> list[Drawn]:
     """From the measured voxels to the hidden field, in one strip: the picture of the README."""
+    session = canvas.session
     found, hidden = canvas.layers, canvas.hidden
     if found is None or hidden is None:
         return []
-    level = canvas.builder.scene.noise.levels[-1]
-    label = canvas.validation.headline
-    best = canvas.validation.best(list(canvas.builder.scene.estimator), level)
+    level = session.builder.scene.noise.levels[-1]
+    label = session.validation.headline
+    best = session.validation.best(list(session.builder.scene.estimator), level)
     if best.estimate is None:
         return []
     axis, places, _ = found
-    cells = canvas.background.space.cells()
-    step = canvas.step_at(canvas.builder.scene.report.worst_time)
+    cells = session.background.space.cells()
+    step = canvas.step_at(session.builder.scene.report.worst_time)
     case = int(np.argsort(best.space_time[label])[len(best.space_time[label]) // 2])
-    f = canvas.functionals
+    f = session.functionals
     axes = np.abs(f.directions).argmax(axis=1)
     along = 1 if (axes == 1).any() else int(axes[0])
     chosen = (axes == along) & (np.abs(f.directions[:, along]) > 0.99)
     flat = View(cut_plane(cells.points, cells.cells, axis, float(places[len(places) // 2])), canvas.frame)
     view = canvas.view()
-    truth = canvas.runner["truth"][case].states[:, step]
+    truth = session.truth[case].states[:, step]
     compared = canvas.compared(view, hidden.name, truth, best.estimate.state(series=case, step=step), best)
-    f_values = canvas.validation.data[level][chosen, step, case]
-    layout = canvas.background.space.layout
+    f_values = session.validation.data[level][chosen, step, case]
+    layout = session.background.space.layout
     field = next(each for each in layout.fields if f.matrix[:, layout.block(each.name)].nnz)
     component = f"_{canvas.frame.names[along]}" if field.components > 1 else ""
     figure = hero(
@@ -105,14 +108,14 @@ def draw_hero(canvas: Canvas) -> list[Drawn]:
         Hidden(
             view, compared.truth, compared.estimate, compared.name, compared.unit,
             f"error {percent(float(best.space_time[label][case]))} over the cycle (training mean: "
-            f"{percent(float(canvas.validation.outcome(PRIOR, level).space_time[label][case]))})",
+            f"{percent(float(session.validation.outcome(PRIOR, level).space_time[label][case]))})",
         ),
     )  # fmt: skip
     return [
         Drawn(
             "hero", figure,
             f"From the measured {field.name} of a slice ({noise_name(level)}) to the unmeasured {compared.name} by "
-            f"“{name_of(canvas.builder, best.estimator)}”: the median case.",
+            f"“{name_of(session.builder, best.estimator)}”: the median case.",
             f"measured voxels, reconstructed and true {hidden.name}",
         )
     ]  # fmt: skip

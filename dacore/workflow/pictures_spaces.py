@@ -15,11 +15,12 @@ SHOWN_MODES = 4
 
 def draw_spaces(canvas: Canvas) -> list[Drawn]:
     """Singular values, β_n and the bound of every background space."""
+    session = canvas.session
     if not canvas.spaces:
         return []
     spectra, constants, bounds = [], [], []
     for name, spaces in canvas.spaces.items():
-        label = name_of(canvas.builder, name)
+        label = name_of(session.builder, name)
         n = min(len(space.inf_sup) for space in spaces)
         values = np.stack([space.singular_values for space in spaces])
         beta = np.stack([space.inf_sup[:n] for space in spaces])
@@ -54,17 +55,18 @@ def draw_spaces(canvas: Canvas) -> list[Drawn]:
 
 def draw_modes(canvas: Canvas) -> Drawn:
     """The first modes of the first background space, or of the training set."""
+    session = canvas.session
     view = canvas.view()
     if canvas.spaces:
         name, spaces = next(iter(canvas.spaces.items()))
-        vectors = canvas.background.lift(spaces[0].modes[:, :SHOWN_MODES])
-        whose = name_of(canvas.builder, name)
+        vectors = session.background.lift(spaces[0].modes[:, :SHOWN_MODES])
+        whose = name_of(session.builder, name)
     else:
-        centred = canvas.background.coefficients - canvas.background.mean()[:, :, None]
-        left = np.linalg.svd(centred.reshape(canvas.background.dimension, -1), full_matrices=False)[0]
-        vectors, whose = canvas.background.lift(left[:, :SHOWN_MODES]), "training set"
+        centred = session.background.coefficients - session.background.mean()[:, :, None]
+        left = np.linalg.svd(centred.reshape(session.background.dimension, -1), full_matrices=False)[0]
+        vectors, whose = session.background.lift(left[:, :SHOWN_MODES]), "training set"
     fields = [
-        ModeField(field.name, canvas.values(view, vectors, field.name)) for field in canvas.background.space.fields
+        ModeField(field.name, canvas.values(view, vectors, field.name)) for field in session.background.space.fields
     ]
     told = ""
     if canvas.hidden is not None:

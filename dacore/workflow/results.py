@@ -18,10 +18,9 @@ from dacore.core.estimator import PreparedEstimator
 from dacore.core.mesh import Mesh
 from dacore.core.observation import Functionals
 from dacore.io.atomic import atomic_write
-from dacore.pipeline.runner import Runner
 from dacore.studies.errors import JOINT
 from dacore.studies.validation import PRIOR, Outcome, Validation
-from dacore.workflow.build import Builder
+from dacore.workflow.session import Session
 
 SCHEMA = 1
 SAME_DISCRETISATION = (
@@ -29,20 +28,18 @@ SAME_DISCRETISATION = (
 )
 
 
-def summarise(builder: Builder, runner: Runner, seconds: float) -> dict[str, Any]:
+def summarise(session: Session, seconds: float) -> dict[str, Any]:
     """Collect everything a run found, as JSON values.
 
     Parameters
     ----------
-    builder : Builder
-    runner : Runner
+    session : Session
         With the results of the scene's targets.
     seconds : float
         Wall time of the run so far.
     """
-    scene = builder.scene
-    background: Background = runner["background"]
-    validation: Validation = runner["validation"]
+    scene, background, validation = session.scene, session.background, session.validation
+    timings = {name: round(value, 4) for name, value in session.runner.timings.items()}
     summary = {
         "schema": SCHEMA,
         "title": scene.title,
@@ -50,23 +47,23 @@ def summarise(builder: Builder, runner: Runner, seconds: float) -> dict[str, Any
         "scene": scene.model_dump(mode="json"),
         "truth_of": "unseen cases drawn uniformly from the parameters' ranges",
         "seeds": {"training": scene.training.seed, "validation": scene.validation.seed, "noise": scene.noise.seed},
-        "versions": {"python": platform.python_version(), **builder.versions()},
+        "versions": {"python": platform.python_version(), **session.builder.versions()},
         "machine": {"system": platform.platform(), "processor": platform.machine(), "cores": os.cpu_count()},
-        "timings": {name: round(value, 4) for name, value in runner.timings.items()} | {"total": round(seconds, 3)},
+        "timings": timings | {"total": round(seconds, 3)},
         "peak_memory_mib": peak_memory(),
-        "mesh": _mesh(runner["domain"]) if scene.domain is not None else None,
+        "mesh": _mesh(session.mesh) if scene.domain is not None else None,
         "n_dofs": background.space.n_dofs,
-        "observation": _observation(runner["functionals"]),
+        "observation": _observation(session.functionals),
         "background": _background(background),
         "parameters": {
             p.name: {"low": p.low, "high": p.high, "unit": p.unit} for p in background.parameters.parameters
         },
-        "estimators": {name: _estimator(runner[f"prepared.{name}"]) for name in scene.estimator},
+        "estimators": {name: _estimator(session.prepared(name)) for name in scene.estimator},
         "joint_weights": dict(validation.joint_weights),
         "validation": [_outcome(validation, outcome) for outcome in validation.outcomes],
     }
     if scene.validation.refine_time > 1:
-        refinement = runner["refinement"]
+        refinement = session.refinement
         summary["discretisation_error_in_time"] = {
             "steps_divided_by": refinement.factor,
             "relative_difference": {name: value for name, value in refinement.differences.items() if name != JOINT},

@@ -61,21 +61,20 @@ def run_scene(
 
     board = board or ProgressBoard()
     session = open_scene(path, changes, cache or out / "cache", workers or usable_cores(), board)
-    builder, runner = session.builder, session.runner
     make_folder(out)
     # The dense work is many small factorisations: a second BLAS thread gains little on an idle machine and
     # costs ten times and more on a busy one. The cores go to the worker processes.
     with one_blas_thread():
-        for target in targets(builder):
-            runner[target]
-        summary = summarise(builder, runner, time.perf_counter() - started)
+        for target in targets(session.builder):
+            session.runner[target]
+        summary = summarise(session, time.perf_counter() - started)
         results = out / "results.json"
         write_json(summary, results)
         text = path.read_text(encoding="utf-8") + "".join(f"\n# --set {change}" for change in changes)
         board.stage("report", "start")
-        files = publish(builder, runner, out, summary, text)
+        files = publish(session, out, summary, text)
         board.stage("report", "done")
-    return Finished(tuple(tables(builder, runner, joint=False)), (*files, results), time.perf_counter() - started)
+    return Finished(tuple(tables(session, joint=False)), (*files, results), time.perf_counter() - started)
 
 
 def plan_scene(path: Path, changes: Sequence[str], out: Path, cache: Path | None = None) -> list[PlannedStage]:

@@ -14,6 +14,7 @@ from dacore.core.quantity import QuantityOfInterest
 from dacore.errors import SceneError
 from dacore.io.scene import Scene, read_scene
 from dacore.pipeline.runner import Runner
+from dacore.studies.refinement import Refinement
 from dacore.studies.validation import Validation
 from dacore.workflow.build import Builder
 from dacore.workflow.stages import ProgressBoard, scene_pipeline
@@ -86,6 +87,12 @@ class Session:
     def validation(self) -> Validation:
         """Errors of every estimator on the unseen cases."""
         made: Validation = self.runner["validation"]
+        return made
+
+    @property
+    def refinement(self) -> Refinement:
+        """Discretisation error in time, for a scene with ``validation.refine_time``."""
+        made: Refinement = self.runner["refinement"]
         return made
 
     def prepared(self, estimator: str) -> PreparedEstimator:
