@@ -3,13 +3,15 @@
 import logging
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import click
 import typer
 
 from dacore import __version__
 from dacore.errors import DacoreError, MissingDependencyError, SceneError
+
+INTERRUPTED = 130
 
 app = typer.Typer(
     name="dacore",
@@ -99,5 +101,13 @@ def main(arguments: list[str] | None = None) -> Any:
         error.show()
         sys.exit(error.exit_code)
     except (KeyboardInterrupt, click.exceptions.Abort):
-        typer.echo("interrupted; what was finished is kept, run again to go on", err=True)
-        sys.exit(130)
+        _interrupted()
+    except SystemExit as stop:
+        if stop.code == INTERRUPTED:
+            _interrupted()
+        raise
+
+
+def _interrupted() -> NoReturn:
+    typer.echo("interrupted; what was finished is kept, run again to go on", err=True)
+    sys.exit(INTERRUPTED)

@@ -1,8 +1,12 @@
 """A figure with what a report says of it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 from matplotlib.figure import Figure
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +27,15 @@ class Drawn:
     figure: Figure
     caption: str
     alt: str
+
+
+def sheets(name: str, items: Sequence[T], most: int = 4) -> list[tuple[str, Sequence[T]]]:
+    """Divide what one figure would show among several of at most so many, each with a name of its own."""
+    if len(items) <= most:
+        return [(name, items)]
+    count = -(-len(items) // most)
+    size = -(-len(items) // count)
+    return [(f"{name}_{k + 1}", items[k * size : (k + 1) * size]) for k in range(count)]
 
 
 def tag(level: float) -> str:

@@ -94,7 +94,9 @@ def make_report(session: Session, pictures: dict[str, Picture], summary: dict[st
     named = dict(pictures)
 
     def take(*names: str) -> list[Picture]:
-        return [named.pop(name) for name in names if name in named]
+        """Pictures of these names, or numbered parts of them, each once."""
+        found = [each for name in names for each in named if each == name or each.startswith(f"{name}_")]
+        return [named.pop(each) for each in dict.fromkeys(found)]
 
     levels = builder.scene.noise.levels
     tags = [tag(level) for level in levels]

@@ -8,7 +8,7 @@ from dacore.figures.summary import summary
 from dacore.studies.errors import JOINT
 from dacore.studies.validation import PRIOR
 from dacore.workflow.canvas import Canvas
-from dacore.workflow.drawn import Drawn, error_name, tag
+from dacore.workflow.drawn import Drawn, error_name, sheets, tag
 from dacore.workflow.tables import name_of, noise_name, quantity_title
 
 
@@ -23,15 +23,16 @@ def draw_histories(canvas: Canvas) -> list[Drawn]:
             for o in canvas.outcomes(level)
         ]
         guess = {error_name(label): values for label, values in prior.per_step.items()}
-        figure = cycle_errors(session.background.times, histories, guess, f"{canvas.caption} · {noise_name(level)}")
-        out.append(
-            Drawn(
-                f"errors_{tag(level)}", figure,
-                f"Relative errors at each step, {noise_name(level)}: a thin line for each unseen case, the mean in "
-                "bold, and the error of guessing the training mean dashed.",
-                "grids of error curves over the cycle, one column an estimator",
-            )
-        )  # fmt: skip
+        caption = f"{canvas.caption} · {noise_name(level)}"
+        for name, part in sheets(f"errors_{tag(level)}", histories):
+            out.append(
+                Drawn(
+                    name, cycle_errors(session.background.times, part, guess, caption),
+                    f"Relative errors at each step, {noise_name(level)}: a thin line for each unseen case, the mean in "
+                    "bold, and the error of guessing the training mean dashed.",
+                    "grids of error curves over the cycle, one column an estimator",
+                )
+            )  # fmt: skip
     return out
 
 
@@ -72,29 +73,24 @@ def draw_quantities(canvas: Canvas) -> list[Drawn]:
     prior = session.validation.outcome(PRIOR, 0.0)
     out = []
     for title in session.builder.scene.quantity:
-        panels = []
-        for level in session.builder.scene.noise.levels:
-            for outcome in canvas.outcomes(level):
-                q = outcome.quantities[title]
-                deviation = q.deviation.ravel() if np.isfinite(q.deviation).all() else None
-                panels.append(
-                    QuantityPanel(
-                        name_of(session.builder, outcome.estimator),
-                        noise_name(level),
-                        q.truth.ravel(),
-                        q.estimate.ravel(),
-                        deviation,
-                    )
-                )
         guess = prior.quantities[title]
         name, unit = quantity_title(session.builder, title), canvas.quantity_unit(title)
-        figure = quantity(panels, name, unit, (float(guess.estimate.mean()), guess.rms), canvas.caption)
-        out.append(
-            Drawn(
-                f"quantity_{title}", figure,
-                f"{name}: estimate against truth for every unseen case, with the 90% interval each estimator "
-                "claims; the band is the training mean and its error.",
-                f"scatter plots of estimated against true {name}",
-            )
-        )  # fmt: skip
+        known = (float(guess.estimate.mean()), guess.rms)
+        for stem, part in sheets(f"quantity_{title}", list(session.scene.estimator)):
+            panels = [_panel(canvas, title, each, level) for level in session.scene.noise.levels for each in part]
+            out.append(
+                Drawn(
+                    stem, quantity(panels, name, unit, known, canvas.caption),
+                    f"{name}: estimate against truth for every unseen case, with the 90% interval each estimator "
+                    "claims; the band is the training mean and its error.",
+                    f"scatter plots of estimated against true {name}",
+                )
+            )  # fmt: skip
     return out
+
+
+def _panel(canvas: Canvas, title: str, estimator: str, level: float) -> QuantityPanel:
+    q = canvas.session.validation.outcome(estimator, level).quantities[title]
+    deviation = q.deviation.ravel() if np.isfinite(q.deviation).all() else None
+    name = name_of(canvas.session.builder, estimator)
+    return QuantityPanel(name, noise_name(level), q.truth.ravel(), q.estimate.ravel(), deviation)

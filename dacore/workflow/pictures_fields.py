@@ -9,7 +9,7 @@ from dacore.figures.voxels import measured_slice
 from dacore.geometry.cut import cut_plane
 from dacore.studies.validation import PRIOR
 from dacore.workflow.canvas import Canvas
-from dacore.workflow.drawn import Drawn, tag, time_text, unit_text
+from dacore.workflow.drawn import Drawn, sheets, tag, time_text, unit_text
 from dacore.workflow.tables import name_of, noise_name, percent
 
 
@@ -61,14 +61,15 @@ def draw_worst(canvas: Canvas, level: float) -> list[Drawn]:
             canvas.compared(view, field.name, truth, estimate, outcome)
             for outcome, estimate in zip(outcomes, estimates, strict=True)
         ]
-        out.append(
-            Drawn(
-                f"worst_{field.name}_{tag(level)}", comparison(view, rows, f"{canvas.caption} · {when}"),
-                f"{rows[0].name} at {when}: the case that “{name_of(session.builder, best.estimator)}” reconstructs "
-                f"worst.{dashed}",
-                f"slices of true and reconstructed {field.name} and their difference",
-            )
-        )  # fmt: skip
+        for name, part in sheets(f"worst_{field.name}_{tag(level)}", rows):
+            out.append(
+                Drawn(
+                    name, comparison(view, part, f"{canvas.caption} · {when}"),
+                    f"{rows[0].name} at {when}: the case that “{name_of(session.builder, best.estimator)}” "
+                    f"reconstructs worst.{dashed}",
+                    f"slices of true and reconstructed {field.name} and their difference",
+                )
+            )  # fmt: skip
     return out
 
 

@@ -2,8 +2,10 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -98,3 +100,45 @@ def test_run_from_a_terminal_and_again_from_the_cache(tmp_path):
     assert "kept  background" in again.stdout
     assert "training" not in json.loads((out / "results.json").read_text())["timings"]
     assert "training" in results["timings"]
+
+
+def test_ctrl_c_says_that_nothing_is_lost_and_leaves_no_worker(tmp_path):
+    command = [sys.executable, "-c", "from dacore.cli.main import main; main()", "run", str(TOY)]
+    command += ["--out", str(tmp_path), "--workers", "2", "--set", "training.samples=2000"]
+    running = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT, start_new_session=True
+    )
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob("cache/training*/*.h5")):
+        assert running.poll() is None, running.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    os.killpg(running.pid, signal.SIGINT)
+    _, stderr = running.communicate(timeout=60)
+    assert running.returncode == 130
+    assert "what was finished is kept" in stderr
+    assert "Traceback" not in stderr
+    assert "training" in dacore("plan", TOY, "--out", tmp_path, "--set", "training.samples=2000").stdout
+
+
+def test_workers_of_a_killed_run_leave(tmp_path):
+    command = [sys.executable, "-c", "from dacore.cli.main import main; main()", "run", str(TOY)]
+    command += ["--out", str(tmp_path), "--workers", "2", "--set", "training.samples=2000"]
+    running = subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=ROOT, start_new_session=True
+    )
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob("cache/training*/*.h5")):
+        assert running.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    running.kill()
+    running.wait()
+    while True:
+        try:
+            os.killpg(running.pid, 0)
+        except ProcessLookupError:
+            break
+        assert time.monotonic() < deadline, "a worker is still there"
+        time.sleep(0.2)
+    assert not list(tmp_path.rglob("*.part"))
