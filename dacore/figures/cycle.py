@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from dacore.core.arrays import Array
 from dacore.errors import ShapeError
-from dacore.figures.style import INK, colour, legend_below, log_axis, pretty, sheet, styled
+from dacore.figures.style import INK, colour, legend_below, log_axis, pretty, sheet, styled, title_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ def cycle_errors(
                     label="guessing the training mean",
                 )  # fmt: skip
             if row == 0:
-                axes.set_title(pretty(history.label))
+                axes.set_title(title_text(history.label))
             if row == len(measures) - 1:
                 axes.set_xlabel(f"time [{unit}]")
         grid[row, 0].set_ylabel(f"{pretty(name)}  [%]")

@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 from dacore.core.arrays import Array
 from dacore.errors import ShapeError
-from dacore.figures.style import FAINT, INK, WIDTH, colour, legend_below, pretty, sheet, styled
+from dacore.figures.style import FAINT, INK, WIDTH, colour, legend_below, pretty, sheet, styled, title_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ def quantity(
     rows = list(dict.fromkeys(panel.row for panel in panels))
     size = min(3.1, (WIDTH - 0.9) / len(columns))
     figure, grid = sheet(
-        len(rows), len(columns), (size + 0.3) * len(rows) + 0.9, caption, width=max(4.2, size * len(columns) + 0.9),
+        len(rows), len(columns), (size + 0.1) * len(rows) + 1.1, caption, width=max(4.2, size * len(columns) + 0.9),
         sharex=True, sharey=True,
     )  # fmt: skip
     low, high = _range(panels, prior)
@@ -84,7 +84,7 @@ def quantity(
                 continue
             _panel(axes, drawn[row, column], (low, high), prior, half, level, j)
             if i == 0:
-                axes.set_title(pretty(column), pad=16)
+                axes.set_title(title_text(column), pad=16)
             if i == len(rows) - 1:
                 axes.set_xlabel(f"true {pretty(name)}  [{unit}]")
         label = f"estimated {pretty(name)}  [{unit}]"

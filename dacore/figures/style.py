@@ -1,6 +1,7 @@
 """One look for every figure: fonts, colours, sizes, and the bytes a report embeds."""
 
 import re
+import textwrap
 from collections.abc import Callable, Sequence
 from functools import wraps
 from io import BytesIO
@@ -115,6 +116,11 @@ def _render(figure: Figure, **options: Any) -> bytes:
     with mpl.rc_context(_LOOK):
         figure.savefig(buffer, bbox_inches="tight", pad_inches=0.08, **options)
     return buffer.getvalue()
+
+
+def title_text(label: str, width: int = 26) -> str:
+    """A label as a column's title, broken into lines so that neighbours do not meet."""
+    return "\n".join(pretty(line) for line in textwrap.wrap(label, width)) or label
 
 
 def pretty(text: str) -> str:
