@@ -28,7 +28,7 @@ class Mesh:
     facet_tags : (f,) int array
         One tag for each facet.
     roles : mapping of str to int
-        The tag that stands for each role ("neck", "ventricles", "mre").
+        The tag that stands for each role, a word the physics knows ("neck", "ventricles").
 
     Raises
     ------

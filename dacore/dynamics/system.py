@@ -160,6 +160,6 @@ def _check_symmetry(matrix: Sparse, definite: BoolArray) -> None:
     error = float(np.abs((scaled - scaled.T).data).max(initial=0.0))
     if error > _SYMMETRY_TOLERANCE * float(np.abs(scaled.data).max()):
         raise AccuracyError(
-            f"step matrix: unsymmetric by {error:.1e} after scaling; mark the flow rows as antisymmetric, and hold "
-            "either the displacement or the pressure on every part of the boundary"
+            f"step matrix: unsymmetric by {error:.1e} after scaling; every step must be symmetric: mark the rows "
+            "of a flow as antisymmetric, and hold one of two coupled fields on every part of the boundary"
         )
