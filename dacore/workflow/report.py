@@ -11,7 +11,7 @@ __all__ = [
     "Card", "Cell", "Picture", "Provenance", "Report", "Section", "Table", "Timing", "render_report", "write_report",
 ]  # fmt: skip
 
-_LARGE = 6_000_000
+_LARGE = 12_000_000
 _log = logging.getLogger(__name__)
 
 
