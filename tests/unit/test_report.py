@@ -172,7 +172,7 @@ def test_file_is_written_whole_and_the_same_each_time(tmp_path):
 
 
 def test_a_large_report_says_so(tmp_path, caplog):
-    data = tiny_png() + b"\x00" * 5_000_000
+    data = tiny_png() + b"\x00" * 10_000_000
     write_report(tmp_path / "r.html", Report("t", sections=[Section("s", parts=[Picture(data, "c", "a")])]))
     assert "MB; use SVG" in caplog.text
 
