@@ -5,7 +5,6 @@ import sys
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
-import click
 import typer
 
 from dacore import __version__
@@ -91,16 +90,13 @@ def main(arguments: list[str] | None = None) -> Any:
     """Run the command line; exit code 2 for a bad scene or command, 1 for another failure."""
     arguments = sys.argv[1:] if arguments is None else arguments
     try:
-        sys.exit(app(args=arguments, standalone_mode=False))
+        app(args=arguments)
     except DacoreError as error:
         if "--debug" in arguments:
             raise
         typer.echo(f"error: {' '.join(str(error).split())}", err=True)
         sys.exit(2 if isinstance(error, SceneError | MissingDependencyError) else 1)
-    except click.ClickException as error:
-        error.show()
-        sys.exit(error.exit_code)
-    except (KeyboardInterrupt, click.exceptions.Abort):
+    except KeyboardInterrupt:
         _interrupted()
     except SystemExit as stop:
         if stop.code == INTERRUPTED:
