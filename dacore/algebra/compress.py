@@ -1,6 +1,7 @@
 """From training trajectories to a Background: one POD for each field, the data read in passes."""
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -23,6 +24,7 @@ def compress(
     tolerance: float = 1e-6,
     kind: Product = "l2",
     threads: int = 1,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Background:
     """Compress training trajectories field by field.
 
@@ -41,6 +43,8 @@ def compress(
     kind : {"l2", "h1"}
     threads : int
         Fields decomposed at the same time; the result does not depend on it.
+    progress : callable, optional
+        Called with (done, total) trajectories read, all passes together.
 
     Raises
     ------
@@ -51,11 +55,19 @@ def compress(
         raise ShapeError("training: got no trajectory, expected at least one")
     times = trajectories[0].times
     count = len(times) * len(trajectories)
+    reads = itertools.count(1)
+    total = len(trajectories) * (len(space.fields) + 1)
+
+    def read() -> Iterator[Trajectory]:
+        for trajectory in trajectories:
+            yield trajectory
+            done = next(reads)  # atomic, so that fields may be read at the same time
+            if progress:
+                progress(done, total)
 
     def decompose(name: str) -> ReducedSpace:
         block = space.layout.block(name)
-        stream = (trajectory.states[block] for trajectory in trajectories)
-        return hapod(stream, products[name], tolerance, count)
+        return hapod((trajectory.states[block] for trajectory in read()), products[name], tolerance, count)
 
     names = [field.name for field in space.fields]
     products = {name: space.field_product(name, kind) for name in names}
@@ -64,7 +76,7 @@ def compress(
     coefficients = np.empty((sum(basis.dimension for basis in bases.values()), len(times), len(trajectories)))
     totals = dict.fromkeys(bases, 0.0)
     left = dict.fromkeys(bases, 0.0)
-    for k, trajectory in enumerate(trajectories):
+    for k, trajectory in enumerate(read()):
         start = 0
         for name, basis in bases.items():
             data = trajectory.states[space.layout.block(name)]

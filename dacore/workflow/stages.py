@@ -107,7 +107,7 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
         settings = scene.training
         return compress(
             results["model"].space, training, results["parameters"], training.samples, settings.tolerance,
-            settings.product, workers,
+            settings.product, workers, show.meter("background"),
         )  # fmt: skip
 
     def make_prepared(name: str) -> Any:
