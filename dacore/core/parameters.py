@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from inspect import signature
 from typing import Literal
 
 import numpy as np
@@ -115,11 +116,13 @@ class ParameterSpace:
         else:
             from scipy.stats import qmc
 
+            # scipy 1.15 renamed the argument.
+            source = {"rng" if "rng" in signature(qmc.Sobol).parameters else "seed": rng}
             if method == "sobol":
-                sampler: qmc.QMCEngine = qmc.Sobol(dim, scramble=True, rng=rng)
+                sampler: qmc.QMCEngine = qmc.Sobol(dim, scramble=True, **source)
                 unit = sampler.random_base2(int(np.ceil(np.log2(count))))[:count]
             elif method == "latin_hypercube":
-                unit = qmc.LatinHypercube(dim, rng=rng).random(count)
+                unit = qmc.LatinHypercube(dim, **source).random(count)
             else:
                 raise ShapeError(f"sampling: got {method!r}, expected uniform, latin_hypercube or sobol")
         columns = iter(unit.T)
