@@ -5,9 +5,10 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -80,7 +81,8 @@ def solve_all(
     pool = ProcessPoolExecutor(min(workers, len(missing)), context, _start_worker, (model,))
     failure: DacoreError | None = None
     try:
-        pending = {pool.submit(_solve_in_worker, index, points[index]): index for index in missing}
+        with _deaf_children():
+            pending = {pool.submit(_solve_in_worker, index, points[index]): index for index in missing}
         for future in as_completed(pending):
             if future.cancelled():
                 continue
@@ -108,10 +110,23 @@ def draw(parameters: ParameterSpace, count: int, sampling: Sampling, seed: int) 
     return parameters.sample(np.random.default_rng(seed), count, sampling)
 
 
+@contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Processes begun here ignore Ctrl-C from their first moment: it is the parent's affair."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def _start_worker(model: ForwardModel) -> None:
     threadpool_limits(limits=1)
-    # Ctrl-C is the parent's affair; if the parent is killed, a worker must not wait for it for ever.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # If the parent is killed, a worker must not wait for it for ever.
     threading.Thread(target=_leave_with, args=(os.getppid(),), daemon=True).start()
     _worker_model[:] = [model]
 
