@@ -5,7 +5,7 @@ A background keeps one orthonormal basis for each field; scaling the coefficient
 set) is a singular value decomposition of a small array.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -65,13 +65,18 @@ def field_weights(background: Background, weights: Weights, fluctuations: Array)
         return balanced_weights(background, fluctuations)
     if isinstance(weights, str):
         raise ShapeError(f"weights: got {weights!r}, expected 'balanced' or a number for each field")
-    unknown = set(weights) - set(names)
-    if unknown:
-        raise ShapeError(f"weights: got the field {sorted(unknown)[0]!r}, expected one of {', '.join(names)}")
+    check_fields(weights, names)
     for name, value in weights.items():
         if not (np.isfinite(value) and value > 0):
             raise ShapeError(f"weights.{name}: got {value}, expected a positive number")
     return {name: float(weights.get(name, 1.0)) for name in names}
+
+
+def check_fields(weights: Mapping[str, float], names: Sequence[str]) -> None:
+    """Raise ShapeError if a weight is given for a field that the state does not have."""
+    unknown = set(weights) - set(names)
+    if unknown:
+        raise ShapeError(f"weights: got the field {sorted(unknown)[0]!r}, expected one of {', '.join(names)}")
 
 
 def balanced_weights(background: Background, fluctuations: Array) -> dict[str, float]:

@@ -82,7 +82,7 @@ class PreparedMinimumVariance(PreparedEstimator):
         mask: BoolArray | None = None,
     ) -> None:
         self.settings, self.background, self.functionals, self.noise = settings, background, functionals, noise
-        self.steps, self.mask = steps, mask
+        self.steps = steps
         if mask is not None and not mask.any():
             raise ShapeError(f"mask: leaves none of {functionals.count} functionals; expected at least one")
         training = background.coefficients[:, steps]
@@ -90,11 +90,9 @@ class PreparedMinimumVariance(PreparedEstimator):
         self.anomalies = (training - self.mean[:, :, None]) / np.sqrt(background.n_samples - 1)
         observed = background.observe(functionals.matrix)
         self.expected = observed @ self.mean
-        if mask is None:
-            white = noise.whiten(np.tensordot(observed, self.anomalies, axes=1))
-        else:
-            white = noise.marginal(mask).whiten(np.tensordot(observed[mask], self.anomalies, axes=1))
-        windows = self._windows(white)
+        self.keep = np.ones(functionals.count, dtype=bool) if mask is None else mask
+        self._kept_noise = noise if mask is None else noise.marginal(mask)
+        windows = self._windows(self._kept_noise.whiten(np.tensordot(observed[self.keep], self.anomalies, axes=1)))
         self._white = windows
         self.factors = [np.linalg.svd(window, full_matrices=False) for window in windows]
         self.floors = [self._floor(window, s[0]) for window, (_, s, _) in zip(windows, self.factors, strict=True)]
@@ -143,15 +141,13 @@ class PreparedMinimumVariance(PreparedEstimator):
             )
             return again.estimate(np.where(mask[:, None, None], data, 0.0), noise_scale)
         values = check_data(data, self.functionals.count, len(self.steps)) - self.expected[:, :, None]
-        white = (
-            self.noise.whiten(values) if self.mask is None else self.noise.marginal(self.mask).whiten(values[self.mask])
-        )
+        white = self._kept_noise.whiten(values[self.keep])
         k = data.shape[2]
         scale = check_scale(noise_scale, k)
         windows = self._windows(white)
         weights = []
         for (u, s, vt), floor, window in zip(self.factors, self.floors, windows, strict=True):
-            level = self.levels(floor, scale)
+            level = np.hypot(scale, floor)  # noise and what the training set leaves out, together
             weights.append(vt.T @ (s[:, None] / (s[:, None] ** 2 + level**2) * (u.T @ window)))
         coefficients = np.repeat(self.mean[:, :, None], k, axis=2)
         if self.settings.window == "cycle":
@@ -160,10 +156,6 @@ class PreparedMinimumVariance(PreparedEstimator):
             coefficients += np.einsum("rtj,tjk->rtk", self.anomalies, np.stack(weights), optimize=True)
         uncertainty = _Posterior(self, scale) if self.settings.deviations == "model" else _HeldOut(self, scale)
         return Estimate(self.background, self.steps, coefficients, uncertainty=uncertainty)
-
-    def levels(self, floor: float, scale: Array) -> Array:
-        """Standard deviations (k,) of noise and of what the training set leaves out, together."""
-        return np.asarray(np.hypot(scale, floor))
 
 
 def unrepresented(values: Array, folds: int = 8) -> float:
@@ -273,7 +265,7 @@ class _Posterior(Uncertainty):
         p = self.prepared
         out = np.empty((len(on_modes), len(self.scale)))
         if p.settings.window == "cycle":
-            groups = [np.einsum("str,rtj->sj", on_modes, p.anomalies, optimize=True)]
+            groups = [_along(on_modes, p.anomalies)]
         else:
             groups = [on_modes[:, t] @ p.anomalies[:, t] for t in range(len(p.steps))]
         for series, scale in enumerate(self.scale):

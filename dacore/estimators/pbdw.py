@@ -38,6 +38,7 @@ from dacore.estimators.frames import (
     Spaces,
     Weights,
     build_frames,
+    check_fields,
     field_weights,
     fold_masks,
     held_out_tails,
@@ -108,9 +109,7 @@ class PBDW(Estimator):
         """Refuse what no training can mend: a weight left open, more modes than samples can give."""
         names = [field.name for field in layout.fields]
         if isinstance(self.weights, Mapping):
-            unknown = set(self.weights) - set(names)
-            if unknown:
-                raise ShapeError(f"weights: got the field {sorted(unknown)[0]!r}, expected one of {', '.join(names)}")
+            check_fields(self.weights, names)
             for name in names[1:]:
                 if name not in self.weights:
                     raise ShapeError(

@@ -68,7 +68,8 @@ class Runner:
 
     def path(self, stage: Stage) -> Path:
         """Where the stage's result is kept."""
-        return self.cache / f"{stage.name}-{self.pipeline.key(stage.name)}{stage.codec.suffix if stage.codec else ''}"
+        folder = self.folder(stage)
+        return folder.with_name(folder.name + stage.codec.suffix) if stage.codec else folder
 
     def folder(self, stage: Stage) -> Path:
         """The stage's own folder, for work that resumes."""

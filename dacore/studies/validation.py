@@ -17,7 +17,6 @@ from dacore.core.estimator import Estimate, PreparedEstimator
 from dacore.core.model import Trajectory
 from dacore.core.observation import Functionals
 from dacore.core.quantity import QuantityOfInterest
-from dacore.core.space import StateSpace
 from dacore.errors import ShapeError
 from dacore.estimators.frames import balanced_weights
 from dacore.studies.errors import JOINT, Contrast, ErrorMeter
@@ -176,7 +175,7 @@ def validate(
     prepared : mapping of str to PreparedEstimator
         Prepared with noise of unit standard deviation.
     truths : sequence of Trajectory
-        Read one at a time.
+        Read one at a time, twice.
     quantities : mapping of str to QuantityOfInterest
     contrasts : sequence of Contrast
     levels : sequence of float
@@ -184,7 +183,14 @@ def validate(
     progress : callable, optional
     """
     space = background.space
-    clean = np.stack([functionals(truth.states) for truth in truths], axis=2)
+    asked = {name: (quantity, quantity.functionals(space)) for name, quantity in quantities.items()}
+    measured: list[Array] = []
+    true_values: dict[str, list[Array]] = {name: [] for name in asked}
+    for truth in truths:
+        measured.append(functionals(truth.states))
+        for name, (quantity, seen) in asked.items():
+            true_values[name].append(_quantity_of(quantity, seen, truth.states))
+    clean = np.stack(measured, axis=2)
     data, sigmas = {}, {}
     for level in levels:
         data[level], sigmas[level] = noisy(clean, level, seed)
@@ -207,10 +213,7 @@ def validate(
             tables[job].append(meter.errors(truth.states - estimate.state(series=case), reference))
         if progress:
             progress(case + 1, count)
-    truth_values = {
-        name: np.stack([_quantity_of(quantity, space, truth.states) for truth in truths], axis=1)
-        for name, quantity in quantities.items()
-    }
+    truth_values = {name: np.stack(values, axis=1) for name, values in true_values.items()}
     outcomes = [
         _outcome(name, level, estimate, seconds, rows, quantities, truth_values)
         for (name, level, estimate, seconds), rows in zip(jobs, tables, strict=True)
@@ -243,8 +246,8 @@ def _outcome(
     return Outcome(name, level, per_step, space_time, values, None if name == PRIOR else estimate, seconds)
 
 
-def _quantity_of(quantity: QuantityOfInterest, space: StateSpace, states: Array) -> Array:
-    values = quantity.functionals(space)(states)
+def _quantity_of(quantity: QuantityOfInterest, functionals: Functionals, states: Array) -> Array:
+    values = functionals(states)
     return np.asarray(np.einsum("ot,st->so", quantity.time_weights(states.shape[1]), values)).reshape(-1)
 
 

@@ -124,7 +124,6 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
         builder.check_before_training(results["model"].space, results["parameters"])
         if scene.validation.refine_time > 1 and not isinstance(results["model"], MarchedModel):
             raise SceneError(f"{builder.where}: validation.refine_time: this model steps by itself; set it to 0")
-        _ = results["functionals"]
         return True
 
     def contrasts(results: Results) -> list[Contrast]:
