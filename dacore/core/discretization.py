@@ -1,64 +1,191 @@
-"""The first waist: what a finite element backend gives, for any physics."""
+"""The first waist: what a finite element backend gives, for any physics.
+
+A backend implements `Backend` and `Assembler`, by element order alone. `Discretization` is what a
+physics sees: fields by name, each form checked, brought to one order of dofs and kept.
+"""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any, final
 
-from dacore.core.arrays import Array, Sparse
+import numpy as np
+from scipy.sparse import csr_array
+
+from dacore.core.arrays import Array, Sparse, as_array
 from dacore.core.fields import Field, Layout
 from dacore.core.mesh import Mesh
+from dacore.errors import PluginError, ShapeError
 
 
-class Discretization(ABC):
+class Assembler(ABC):
+    """The standard forms of continuous Lagrange elements on one mesh, integrated by one library.
+
+    Orders are 1 or 2, and may differ between the two elements of a form. Forms are exact: quadrature
+    of sufficient order on affine cells. Rows belong to the test function. A dof of a vector element
+    is ``component · n_nodes + node``, a node's number is its row in ``mesh.nodes(order)``, whatever
+    numbering the library uses inside. Matrices may be of any sparse type, with any sparsity; entries
+    given more than once are added. Each is asked for once: nothing needs to be kept for a second time.
+    """
+
+    @abstractmethod
+    def mass(self, order: int) -> Any:
+        """∫ a b: (n, n)."""
+
+    @abstractmethod
+    def stiffness(self, order: int) -> Any:
+        """∫ ∇a·∇b: (n, n)."""
+
+    @abstractmethod
+    def strain(self, order: int) -> Any:
+        """∫ ε(a):ε(b), ε the symmetric gradient of vectors: (d n, d n)."""
+
+    @abstractmethod
+    def divergence(self, order: int) -> Any:
+        """∫ (∇·a)(∇·b) of vectors: (d n, d n)."""
+
+    @abstractmethod
+    def gradient_coupling(self, scalar: int, vector: int) -> Any:
+        """∫ ∇p·v, v the test function of order `vector`, p of order `scalar`: (d n_vector, n_scalar)."""
+
+    @abstractmethod
+    def divergence_coupling(self, vector: int, scalar: int) -> Any:
+        """∫ q ∇·u, q the test function of order `scalar`, u of order `vector`: (n_scalar, d n_vector)."""
+
+    @abstractmethod
+    def boundary_mass(self, order: int, role: str) -> Any:
+        """∫ a b over the facets ``mesh.boundary_facets(role)``: (n, n)."""
+
+    @abstractmethod
+    def boundary_coupling(self, scalar: int, vector: int, role: str) -> Any:
+        """∫ p v·n over the facets of `role`, n outward, v the test function: (d n_vector, n_scalar)."""
+
+    @abstractmethod
+    def evaluation(self, points: Array, order: int, derivative: int | None) -> Any:
+        """Values of the basis functions at points (p, d) [cm], or their partial derivative along an axis: (p, n).
+
+        On a facet between cells, where a derivative jumps, it is that of the cell with the lowest
+        number. ShapeError if a point lies outside the mesh; `dacore.geometry.locate` does both.
+        """
+
+
+class Backend(ABC):
+    """A finite element library. Its plugin class is constructed without arguments and holds no state.
+
+    Its module should import the library when `assembler` or `version` is called and not before:
+    a process that only solves with matrices then never loads it.
+    """
+
+    name: str
+
+    @abstractmethod
+    def assembler(self, mesh: Mesh) -> Assembler:
+        """Put the library on a mesh; `Mesh` has checked it."""
+
+    @abstractmethod
+    def version(self) -> str:
+        """Version of the library."""
+
+    @final
+    def discretize(self, mesh: Mesh, fields: Sequence[Field]) -> "Discretization":
+        """Put `fields` on `mesh`; forms are assembled when first asked for."""
+        return Discretization(self, mesh, fields)
+
+
+@final
+class Discretization:
     """Fields on a mesh and the standard forms between them.
 
     Every form is a ``csr_array`` over the dofs of its fields alone, ordered component by
-    component and node by node (nodes as in `Mesh.nodes`). Rows belong to the test function.
-    `fields` and `mesh` are what the backend was asked for.
+    component and node by node (nodes as in `Mesh.nodes`), with sorted indices. It is assembled when
+    first asked for and kept; equal elements share it. Rows belong to the test function.
+
+    Parameters
+    ----------
+    backend : Backend
+    mesh : Mesh
+    fields : sequence of Field
+
+    Raises
+    ------
+    ShapeError
+        If there is no field, two have one name, or a form does not exist for the field asked for.
+    CapabilityError
+        If there is no such field.
+    MeshError
+        If there is no such role.
+
+    Notes
+    -----
+    A pickle holds the mesh and the fields; forms are assembled anew where they are asked for again.
     """
 
-    mesh: Mesh
-    fields: tuple[Field, ...]
+    def __init__(self, backend: Backend, mesh: Mesh, fields: Sequence[Field]) -> None:
+        self.backend = backend
+        self.mesh = mesh
+        self.fields = tuple(fields)
+        self.layout = Layout(self.fields, {field.name: len(mesh.nodes(field.order)) for field in self.fields})
+        self._forms: dict[tuple[str | int, ...], Sparse] = {}
 
-    @property
-    def layout(self) -> Layout:
-        """Canonical dof order of the whole state."""
-        orders = {field.order for field in self.fields}
-        count = {order: len(self.mesh.nodes(order)) for order in orders}
-        return Layout(self.fields, {field.name: count[field.order] for field in self.fields})
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Discretization, (self.backend, self.mesh, self.fields)
 
-    @abstractmethod
+    @cached_property
+    def _assembler(self) -> Assembler:
+        return self.backend.assembler(self.mesh)
+
     def scalar_mass(self, field: str) -> Sparse:
         """∫ a b for one component of `field`: (n_nodes, n_nodes)."""
+        order = self._order(field)
+        return self._once(("mass", order), self._nodes(order), self._nodes(order), lambda a: a.mass(order))
 
-    @abstractmethod
     def scalar_stiffness(self, field: str) -> Sparse:
         """∫ ∇a·∇b for one component of `field`: (n_nodes, n_nodes)."""
+        order = self._order(field)
+        return self._once(("stiffness", order), self._nodes(order), self._nodes(order), lambda a: a.stiffness(order))
 
-    @abstractmethod
     def strain(self, field: str) -> Sparse:
         """∫ ε(a):ε(b) of a vector field: (n_field, n_field)."""
+        order = self._vector(field)
+        return self._once(("strain", order), self._dofs(order), self._dofs(order), lambda a: a.strain(order))
 
-    @abstractmethod
     def divergence(self, field: str) -> Sparse:
         """∫ (∇·a)(∇·b) of a vector field: (n_field, n_field)."""
+        order = self._vector(field)
+        return self._once(("divergence", order), self._dofs(order), self._dofs(order), lambda a: a.divergence(order))
 
-    @abstractmethod
     def gradient_coupling(self, scalar: str, vector: str) -> Sparse:
         """∫ ∇p·v, v the test function: (n_vector, n_scalar)."""
+        p, v = self._scalar(scalar), self._vector(vector)
+        return self._once(
+            ("gradient coupling", p, v), self._dofs(v), self._nodes(p), lambda a: a.gradient_coupling(p, v)
+        )
 
-    @abstractmethod
     def divergence_coupling(self, vector: str, scalar: str) -> Sparse:
         """∫ q ∇·u, q the test function: (n_scalar, n_vector)."""
+        u, q = self._vector(vector), self._scalar(scalar)
+        return self._once(
+            ("divergence coupling", u, q), self._nodes(q), self._dofs(u), lambda a: a.divergence_coupling(u, q)
+        )
 
-    @abstractmethod
     def scalar_boundary_mass(self, field: str, role: str) -> Sparse:
         """∫ a b over the boundary `role` for one component: (n_nodes, n_nodes)."""
+        order = self._order(field)
+        self.mesh.boundary_facets(role)
+        return self._once(
+            ("boundary mass", order, role), self._nodes(order), self._nodes(order),
+            lambda a: a.boundary_mass(order, role),
+        )  # fmt: skip
 
-    @abstractmethod
     def boundary_coupling(self, scalar: str, vector: str, role: str) -> Sparse:
         """∫ p v·n over the boundary `role`, n outward, v the test function: (n_vector, n_scalar)."""
+        p, v = self._scalar(scalar), self._vector(vector)
+        self.mesh.boundary_facets(role)
+        return self._once(
+            ("boundary coupling", p, v, role), self._dofs(v), self._nodes(p),
+            lambda a: a.boundary_coupling(p, v, role),
+        )  # fmt: skip
 
-    @abstractmethod
     def evaluation(self, points: Array, field: str, derivative: int | None = None) -> Sparse:
         """Values or one partial derivative of one component of `field` at points.
 
@@ -76,19 +203,54 @@ class Discretization(ABC):
         Raises
         ------
         ShapeError
-            If a point lies outside the mesh.
+            If a point lies outside the mesh or there is no such axis.
         """
+        order = self._order(field)
+        if derivative is not None and not 0 <= derivative < self.mesh.dim:
+            raise ShapeError(f"axis of the derivative: got {derivative}, expected 0 to {self.mesh.dim - 1}")
+        where = as_array("evaluation points", points, (None, self.mesh.dim))
+        made = self._assembler.evaluation(where, order, derivative)
+        return self._canonical("evaluation", made, len(where), self._nodes(order))
 
+    def _once(
+        self, key: tuple[str | int, ...], rows: int, columns: int, assemble: Callable[[Assembler], Any]
+    ) -> Sparse:
+        if key not in self._forms:
+            self._forms[key] = self._canonical(str(key[0]), assemble(self._assembler), rows, columns)
+        return self._forms[key]
 
-class Backend(ABC):
-    """A finite element library. Its plugin class is constructed without arguments."""
+    def _canonical(self, form: str, made: Any, rows: int, columns: int) -> Sparse:
+        """Return what a backend made as a csr_array with sorted indices, no entry twice; PluginError if it is none."""
+        matrix = csr_array(made)
+        if matrix.shape != (rows, columns):
+            raise PluginError(
+                f"backend {self.backend.name}: {form} has shape {matrix.shape}, expected {(rows, columns)}; "
+                "run dacore.testing's checks on the backend"
+            )
+        if matrix.dtype != np.float64:
+            matrix = matrix.astype(np.float64)
+        if not np.isfinite(matrix.data).all():
+            raise PluginError(f"backend {self.backend.name}: {form} holds NaN or infinite values")
+        matrix.sum_duplicates()
+        return matrix
 
-    name: str
+    def _nodes(self, order: int) -> int:
+        return len(self.mesh.nodes(order))
 
-    @abstractmethod
-    def discretize(self, mesh: Mesh, fields: Sequence[Field]) -> Discretization:
-        """Put `fields` on `mesh`; forms are assembled when first asked for."""
+    def _dofs(self, order: int) -> int:
+        return self.mesh.dim * self._nodes(order)
 
-    def version(self) -> str:
-        """Version of the library."""
-        return "unknown"
+    def _order(self, field: str) -> int:
+        return self.layout.field(field).order
+
+    def _scalar(self, field: str) -> int:
+        return self._checked(field, 1, "a scalar field (1 component)")
+
+    def _vector(self, field: str) -> int:
+        return self._checked(field, self.mesh.dim, f"a vector field ({self.mesh.dim} components)")
+
+    def _checked(self, field: str, components: int, expected: str) -> int:
+        has = self.layout.field(field).components
+        if has != components:
+            raise ShapeError(f"field {field}: this form is for {expected}, got {has}")
+        return self._order(field)
