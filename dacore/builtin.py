@@ -24,3 +24,13 @@ def dacore_estimators() -> list[PluginSpec]:
             summary="linear minimum variance with the training set's covariance, per step or over the cycle",
         ),
     ]
+
+
+@hookimpl
+def dacore_solvers() -> list[PluginSpec]:
+    """Declare the linear solvers."""
+    return [
+        PluginSpec("auto", "dacore.algebra.solvers:Auto", summary="direct while the factor fits in 4 GiB, then krylov"),
+        PluginSpec("direct", "dacore.algebra.solvers:Direct", summary="multifrontal, single precision, refined"),
+        PluginSpec("krylov", "dacore.algebra.solvers:Krylov", summary="block-preconditioned GMRES"),
+    ]

@@ -7,7 +7,7 @@ from scipy.sparse import csr_array
 from dacore.algebra.elimination import Ordering
 from dacore.algebra.factorisation import Factorisation
 from dacore.algebra.krylov import conjugate_gradients, flexible_gmres
-from dacore.algebra.linear_solver import LinearSolver
+from dacore.algebra.linear_solver import CorrectingSolver
 from dacore.core.arrays import Array, BoolArray, Sparse
 
 _CYCLE = 50  # GMRES iterations before a restart: bounds the memory to a hundred vectors a column
@@ -17,7 +17,7 @@ _LANCZOS = 20
 Single = NDArray[np.float32]
 
 
-class BlockSolver(LinearSolver):
+class BlockSolver(CorrectingSolver):
     """Flexible GMRES for [[A, Bᵀ], [B, −C]]; conjugate gradients where there is no C.
 
     The preconditioner is block triangular,  p = −Ŝ⁻¹ r_p,  u = Â⁻¹ (r_u − Bᵀ p):
@@ -32,10 +32,10 @@ class BlockSolver(LinearSolver):
     Parameters
     ----------
     matrix, definite, tolerance
-        As for `LinearSolver`.
+        As for `CorrectingSolver`.
     """
 
-    _memory = 40  # each iteration saved pays for many remembered vectors
+    memory = 40  # each iteration saved pays for many remembered vectors
 
     def __init__(self, matrix: Sparse, definite: BoolArray, tolerance: float) -> None:
         super().__init__(matrix, definite, tolerance)
@@ -44,7 +44,7 @@ class BlockSolver(LinearSolver):
         self._outer = np.flatnonzero(~definite)
         if not len(self._outer):
             return
-        upper, lower = self._matrix[self._inner], self._matrix[self._outer]
+        upper, lower = self.matrix[self._inner], self.matrix[self._outer]
         coupling, flow = csr_array(lower[:, self._inner]), csr_array(-lower[:, self._outer])
         block = csr_array(upper[:, self._inner])
         low, self._high = _extremes(block) if len(self._inner) else (0.5, 1.0)
@@ -64,10 +64,12 @@ class BlockSolver(LinearSolver):
         kind = "block-preconditioned GMRES" if len(self._outer) else "conjugate gradients"
         return f"{kind} ({self.iterations} iterations in all)"
 
-    def _advice(self) -> str:
+    def advice(self) -> str:
+        """What to do when the tolerance is not reached."""
         return "use the direct method, a smaller time step or a larger tolerance"
 
-    def _correct(self, residual: Array, goal: Array) -> Array:
+    def correct(self, residual: Array, goal: Array) -> Array:
+        """Iterate until the residual is below `goal`."""
         if len(self._outer):
             correction, used = flexible_gmres(self._product, self._precondition, residual, 0.5 * goal, _CYCLE)
         else:
@@ -76,7 +78,7 @@ class BlockSolver(LinearSolver):
         return correction
 
     def _product(self, vectors: Array) -> Array:
-        return np.asarray(self._matrix @ vectors)
+        return np.asarray(self.matrix @ vectors)
 
     def _precondition(self, vectors: Array) -> Array:
         pressure = -self._schur.solve(vectors[self._outer])

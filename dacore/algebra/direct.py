@@ -5,12 +5,12 @@ from numpy.typing import DTypeLike
 
 from dacore.algebra.elimination import Ordering, Scatter, fingerprint, locate
 from dacore.algebra.factorisation import Factorisation
-from dacore.algebra.linear_solver import LinearSolver
+from dacore.algebra.linear_solver import CorrectingSolver
 from dacore.core.arrays import Array, BoolArray, Sparse
 from dacore.errors import ConvergenceError
 
 
-class DirectSolver(LinearSolver):
+class DirectSolver(CorrectingSolver):
     """Multifrontal factorisation with iterative refinement.
 
     The factor is made in single precision, which halves time and memory; each refinement gains about
@@ -20,19 +20,19 @@ class DirectSolver(LinearSolver):
     Parameters
     ----------
     matrix, definite, tolerance
-        As for `LinearSolver`.
+        As for `CorrectingSolver`.
     ordering : Ordering, optional
         Of a matrix with the same pattern (or a larger one); made anew if absent or unfit.
     """
 
     def __init__(self, matrix: Sparse, definite: BoolArray, tolerance: float, ordering: Ordering | None = None) -> None:
         super().__init__(matrix, definite, tolerance)
-        self._ordering, self._scatter = _fit(self._matrix, definite, ordering)
+        self._ordering, self._scatter = _fit(self.matrix, definite, ordering)
         self._double = False
         try:
             self._factor = self._factorise(np.float32)
         except ConvergenceError:
-            self._strengthen()
+            self.strengthen()
 
     @property
     def name(self) -> str:
@@ -40,9 +40,10 @@ class DirectSolver(LinearSolver):
         return f"direct solver ({'double' if self._double else 'single'} precision factor)"
 
     def _factorise(self, dtype: DTypeLike) -> Factorisation:
-        return Factorisation(self._ordering, self._scatter, self._matrix.data, dtype)
+        return Factorisation(self._ordering, self._scatter, self.matrix.data, dtype)
 
-    def _strengthen(self) -> bool:
+    def strengthen(self) -> bool:
+        """Turn to a factor in double precision."""
         if self._double:
             return False
         self._double = True
@@ -50,7 +51,8 @@ class DirectSolver(LinearSolver):
         self._factor = self._factorise(np.float64)
         return True
 
-    def _correct(self, residual: Array, goal: Array) -> Array:
+    def correct(self, residual: Array, goal: Array) -> Array:
+        """Solve with the factor."""
         # Single precision has a narrow range: solve for residuals of size one.
         size = np.linalg.norm(residual, axis=0)
         return np.asarray(self._factor.solve(residual / size) * size)

@@ -12,10 +12,11 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse import csr_array
 
-from dacore.algebra.solvers import LinearSolver, make_solver
+from dacore.algebra.solvers import Auto
 from dacore.core.arrays import Array, BoolArray, IntArray, Sparse
 from dacore.core.estimator import Riesz
 from dacore.core.observation import Functionals
+from dacore.core.solver import LinearSolver
 from dacore.core.space import Product, StateSpace
 from dacore.errors import UnstableError
 
@@ -97,7 +98,7 @@ class RieszMap(Riesz):
     def _solve(self, name: str, rhs: Array) -> Array:
         if name not in self._solvers:
             matrix = self.space.scalar_product(name, self.kind)
-            self._solvers[name] = make_solver(matrix, np.ones(matrix.shape[0], dtype=bool), tolerance=1e-12)
+            self._solvers[name] = Auto().prepare(matrix, np.ones(matrix.shape[0], dtype=bool), 1e-12)
         return self._solvers[name].solve(rhs)
 
 

@@ -1,6 +1,6 @@
-"""What every linear solver promises: one matrix, many right-hand sides, the true residual checked."""
+"""What dacore's linear solvers share: a scaled system, the true residual checked, earlier solutions used."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from typing import ClassVar
 
 import numpy as np
@@ -9,14 +9,18 @@ from scipy.sparse import csr_array
 from dacore.algebra.elimination import canonical
 from dacore.algebra.threads import one_blas_thread
 from dacore.core.arrays import Array, BoolArray, Sparse
+from dacore.core.solver import LinearSolver
 from dacore.errors import ConvergenceError, ShapeError
 
 _LEAST_NEWS = 1e-8  # a direction of which less than this is new would be mostly rounding
 _LEAST_GAIN = 0.25  # a correction that leaves more than this of a residual is not worth repeating
 
 
-class LinearSolver(ABC):
-    """Solves K x = b for one symmetric quasi-definite matrix K and many right-hand sides.
+class CorrectingSolver(LinearSolver):
+    """Solves K x = b for one symmetric quasi-definite matrix K by corrections until the true residual is small.
+
+    A method only has to give an approximate solution for a residual, `correct`; it is repeated as
+    long as it gains.
 
     The system is scaled to D K D, where D makes the diagonals of A and of C + B diag(A)⁻¹ Bᵀ
     one, and residuals are measured there: every column satisfies ‖D(b − K x)‖ ≤ tolerance · ‖D b‖.
@@ -36,13 +40,20 @@ class LinearSolver(ABC):
     tolerance : float
         Bound on the relative residual.
 
+    Attributes
+    ----------
+    matrix : (n, n) csr_array
+        The scaled system D K D.
+    memory : int
+        How many solutions are remembered.
+
     Raises
     ------
     ShapeError
         If the shapes, the tolerance, or the signs on the diagonal are not as stated.
     """
 
-    _memory: ClassVar[int] = 16  # solutions kept
+    memory: ClassVar[int] = 16
 
     def __init__(self, matrix: Sparse, definite: BoolArray, tolerance: float) -> None:
         n = matrix.shape[0]
@@ -57,49 +68,26 @@ class LinearSolver(ABC):
         data = matrix.data * self._scale[matrix.indices] * np.repeat(self._scale, np.diff(matrix.indptr))
         if not np.isfinite(data).all():
             raise ShapeError("linear system: the matrix holds NaN, infinite or hopelessly scaled entries")
-        self._matrix: Sparse = csr_array((data, matrix.indices, matrix.indptr), shape=(n, n))
-        self._tolerance = tolerance
+        self.matrix: Sparse = csr_array((data, matrix.indices, matrix.indptr), shape=(n, n))
+        self.tolerance = tolerance
         # Pairs (direction, image) with orthonormal images, one a row; a full memory forgets the oldest.
         self._remembered = 0
-        self._directions: Array = np.zeros((self._memory, n))
-        self._images: Array = np.zeros((self._memory, n))
-
-    @property
-    @abstractmethod
-    def name(self) -> str:
-        """The method, for messages."""
+        self._directions: Array = np.zeros((self.memory, n))
+        self._images: Array = np.zeros((self.memory, n))
 
     @abstractmethod
-    def _correct(self, residual: Array, goal: Array) -> Array:
+    def correct(self, residual: Array, goal: Array) -> Array:
         """Approximate solution (n, k) of the scaled system for a residual (n, k).
 
         A method that iterates stops when the norm of each column's residual is below `goal` (k,).
         """
 
-    def _strengthen(self) -> bool:
+    def strengthen(self) -> bool:
         """Turn to a more accurate method; False if there is none."""
         return False
 
     def solve(self, rhs: Array, guess: Array | None = None) -> Array:
-        """Solve for every column of `rhs`.
-
-        Parameters
-        ----------
-        rhs : (n,) or (n, k) array
-        guess : array of the shape of `rhs`, optional
-            Where to start; zero by default.
-
-        Returns
-        -------
-        array of the shape of `rhs`
-
-        Raises
-        ------
-        ConvergenceError
-            If a column does not reach the tolerance.
-        ShapeError
-            If a shape is wrong or a value is not finite.
-        """
+        """Solve for every column of `rhs` (n,) or (n, k), from `guess` of the same shape."""
         n = len(self._scale)
         if rhs.ndim not in (1, 2) or rhs.shape[0] != n or (guess is not None and guess.shape != rhs.shape):
             given = "none" if guess is None else guess.shape
@@ -114,44 +102,45 @@ class LinearSolver(ABC):
             raise ShapeError("linear system: the right-hand side or the guess holds NaN or infinite values")
         solution[:, size == 0.0] = 0.0
         with one_blas_thread():
-            solution = self._improve(load, solution, self._tolerance * size)
+            solution = self._improve(load, solution, self.tolerance * size)
         return np.asarray((solution * scale).reshape(rhs.shape))
 
     def _improve(self, load: Array, solution: Array, goal: Array) -> Array:
         """Correct a solution until the residual meets the goal."""
-        residual = load - self._matrix @ solution if solution.any() else load.copy()
+        residual = load - self.matrix @ solution if solution.any() else load.copy()
         if self._remembered:
             self._recall(solution, residual)
-            residual = load - self._matrix @ solution  # so far known by recurrence only
+            residual = load - self.matrix @ solution  # so far known by recurrence only
         reached = np.linalg.norm(residual, axis=0)
         while len(open_ := np.flatnonzero(~(reached <= goal))):
-            trial = solution[:, open_] + self._correct(residual[:, open_], goal[open_])
-            left = load[:, open_] - self._matrix @ trial
+            trial = solution[:, open_] + self.correct(residual[:, open_], goal[open_])
+            left = load[:, open_] - self.matrix @ trial
             norms = np.linalg.norm(left, axis=0)
             stuck = ~((norms <= goal[open_]) | (norms < _LEAST_GAIN * reached[open_]))
             better = norms < reached[open_]  # False for NaN
             chosen = open_[better]
             solution[:, chosen], residual[:, chosen] = trial[:, better], left[:, better]
             reached[chosen] = norms[better]
-            if stuck.any() and not self._strengthen():
+            if stuck.any() and not self.strengthen():
                 break
         if not (reached <= goal).all():  # NaN counts as missed
             worst = int(np.argmax(reached - goal))
-            size = goal[worst] / self._tolerance
+            size = goal[worst] / self.tolerance
             raise ConvergenceError(
                 f"{self.name}: the relative residual of column {worst} is {reached[worst] / size:.1e}, wanted "
-                f"{self._tolerance:.1e}; {self._advice()}"
+                f"{self.tolerance:.1e}; {self.advice()}"
             )
         for column in range(load.shape[1]):
             self._remember(solution[:, column], load[:, column] - residual[:, column])
         return solution
 
-    def _advice(self) -> str:
+    def advice(self) -> str:
+        """What to do when the tolerance is not reached."""
         return "check that the matrix is symmetric and nonsingular, or ask for a larger tolerance"
 
     def _recall(self, solution: Array, residual: Array) -> None:
         """Move to the point of least residual in the span of the remembered solutions, in place."""
-        known = slice(0, min(self._remembered, self._memory))
+        known = slice(0, min(self._remembered, self.memory))
         weights = self._images[known] @ residual
         solution += self._directions[known].T @ weights
         residual -= self._images[known].T @ weights
@@ -162,7 +151,7 @@ class LinearSolver(ABC):
         if not size:
             return
         direction, image = solution / size, image / size
-        place = self._remembered % self._memory
+        place = self._remembered % self.memory
         self._images[place] = self._directions[place] = 0.0
         for _ in range(2):
             weights = self._images @ image
@@ -170,7 +159,7 @@ class LinearSolver(ABC):
             image = image - weights @ self._images
         left = np.linalg.norm(image)
         # Below this the new part of the image is the error of the solver, not a new direction.
-        if left > max(10.0 * self._tolerance, _LEAST_NEWS):
+        if left > max(10.0 * self.tolerance, _LEAST_NEWS):
             self._directions[place], self._images[place] = direction / left, image / left
             self._remembered += 1
 

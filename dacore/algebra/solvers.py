@@ -1,4 +1,4 @@
-"""Choice of a linear solver.
+"""The built-in linear solvers, declared through the plugin door.
 
 CPU seconds of one thread over a cycle of 40 time steps of poroelasticity on anatomical meshes, the
 ordering found beforehand, memory beyond the matrix (``tests/benchmarks/solvers.py``):
@@ -18,62 +18,62 @@ nodes     unknowns  tolerance  method                    set-up   a step   its  
 ========  ========  =========  ========================  =======  =======  ====  ======
 
 The direct method also works where the iteration stalls (ν → 1/2, large time steps, static problems),
-so "auto" takes it whenever the factor fits in memory. Ordering costs 0.4, 2.3 and 9 seconds once.
+so `Auto` takes it whenever the factor fits in memory. Ordering costs 0.4, 2.3 and 9 seconds once.
 """
 
-from typing import Literal
+from dataclasses import dataclass
 
 from dacore.algebra.blockwise import BlockSolver
 from dacore.algebra.direct import DirectSolver
 from dacore.algebra.elimination import Ordering
-from dacore.algebra.linear_solver import LinearSolver
-from dacore.core.arrays import BoolArray, Sparse
-from dacore.errors import ShapeError
+from dacore.core.arrays import BoolArray, IntArray, Sparse
+from dacore.core.solver import LinearSolver, SolverMethod
 
 # Entries of a factor of 4 GiB: some 500,000 unknowns of a poroelastic step in three dimensions.
 _LARGEST_FACTOR = 2**30
 _SURELY_DIRECT = 50_000
 
-Method = Literal["auto", "direct", "krylov"]
 
-__all__ = ["LinearSolver", "Method", "Ordering", "make_solver"]
+@dataclass(frozen=True)
+class Direct(SolverMethod):
+    """Multifrontal factorisation in single precision, refined in double."""
+
+    def analyse(self, matrix: Sparse, definite: BoolArray, nodes: IntArray) -> Ordering:
+        """Return the order of elimination."""
+        return Ordering.of(matrix, definite, nodes)
+
+    def prepare(
+        self, matrix: Sparse, definite: BoolArray, tolerance: float, analysis: Ordering | None = None
+    ) -> LinearSolver:
+        """Factorise the matrix."""
+        return DirectSolver(matrix, definite, tolerance, analysis)
 
 
-def make_solver(
-    matrix: Sparse,
-    definite: BoolArray,
-    method: Method = "auto",
-    tolerance: float = 1e-10,
-    ordering: Ordering | None = None,
-) -> LinearSolver:
-    """Prepare a solver of A x = b for one symmetric quasi-definite matrix.
+@dataclass(frozen=True)
+class Krylov(SolverMethod):
+    """Block-preconditioned GMRES; conjugate gradients for a positive definite matrix."""
 
-    Parameters
-    ----------
-    matrix : (n, n) csr_array
-        [[A, Bᵀ], [B, −C]] with A and C positive definite, rows in any order.
-    definite : (n,) bool array
-        True on the rows of A; all True for a positive definite matrix.
-    method : {"auto", "direct", "krylov"}
-    tolerance : float
-        Bound on the relative residual of every column, see `LinearSolver`.
-    ordering : Ordering, optional
-        From ``Ordering.of(matrix, definite)`` of any matrix with this pattern; saves the direct
-        method from finding it again for every parameter sample.
-
-    Raises
-    ------
-    ShapeError
-        If the matrix is not as described.
-    ConvergenceError
-        If it turns out not to be quasi-definite.
-    """
-    if method not in ("auto", "direct", "krylov"):
-        raise ShapeError(f"linear solver: got the method {method!r}, expected 'auto', 'direct' or 'krylov'")
-    if method == "krylov":
+    def prepare(
+        self, matrix: Sparse, definite: BoolArray, tolerance: float, analysis: Ordering | None = None
+    ) -> LinearSolver:
+        """Make the preconditioner."""
         return BlockSolver(matrix, definite, tolerance)
-    if method == "auto" and matrix.shape[0] > _SURELY_DIRECT:
-        ordering = Ordering.of(matrix, definite) if ordering is None else ordering
-        if ordering.factor_entries > _LARGEST_FACTOR:
-            return BlockSolver(matrix, definite, tolerance)
-    return DirectSolver(matrix, definite, tolerance, ordering)
+
+
+@dataclass(frozen=True)
+class Auto(SolverMethod):
+    """The direct method as long as its factor fits in 4 GiB, the iterative one above."""
+
+    def analyse(self, matrix: Sparse, definite: BoolArray, nodes: IntArray) -> Ordering:
+        """Return the order of elimination, which tells the size of the factor."""
+        return Ordering.of(matrix, definite, nodes)
+
+    def prepare(
+        self, matrix: Sparse, definite: BoolArray, tolerance: float, analysis: Ordering | None = None
+    ) -> LinearSolver:
+        """Prepare the method that suits the size."""
+        if matrix.shape[0] > _SURELY_DIRECT:
+            analysis = Ordering.of(matrix, definite) if analysis is None else analysis
+            if analysis.factor_entries > _LARGEST_FACTOR:
+                return BlockSolver(matrix, definite, tolerance)
+        return DirectSolver(matrix, definite, tolerance, analysis)

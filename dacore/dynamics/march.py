@@ -7,10 +7,11 @@ from typing import Any, Literal, final
 
 import numpy as np
 
-from dacore.algebra.solvers import Method, Ordering, make_solver
+from dacore.algebra.solvers import Auto
 from dacore.core.arrays import Array, check_shape
 from dacore.core.model import AffineModel, ForwardModel, Trajectory
 from dacore.core.parameters import Parameters, ParameterSpace
+from dacore.core.solver import SolverMethod
 from dacore.core.space import StateSpace
 from dacore.core.timegrid import TimeGrid
 from dacore.dynamics.newmark import Newmark, State
@@ -55,15 +56,16 @@ class MarchedModel(ForwardModel):
     start : {"zero", "steady"}
         "zero": y = ẏ = ÿ = 0 at t = 0 on every dof, so that prescribed values jump in the first
         step. "steady": the equilibrium A(θ) y = F under the loads at t = 0.
-    method : {"auto", "direct", "krylov"}
+    method : SolverMethod, optional
+        What solves the steps; `dacore.algebra.solvers.Auto` by default.
     tolerance : float
         Relative residual of every solve.
-    ordering : Ordering, optional
-        Of the elimination, if it is known; found when first needed otherwise.
+    analysis : object, optional
+        What ``method.analyse`` found, if it is known; found when first needed otherwise.
 
     Notes
     -----
-    A pickle holds the settings and the ordering; the matrices on the free dofs are made anew.
+    A pickle holds the settings and the analysis; the matrices on the free dofs are made anew.
     """
 
     def __init__(
@@ -72,30 +74,32 @@ class MarchedModel(ForwardModel):
         grid: TimeGrid,
         scheme: Newmark | None = None,
         start: Start = "zero",
-        method: Method = "auto",
+        method: SolverMethod | None = None,
         tolerance: float = 1e-10,
-        ordering: Ordering | None = None,
+        analysis: Any = None,
     ) -> None:
         if start not in ("zero", "steady"):
             raise ShapeError(f"start: got {start!r}, expected 'zero' or 'steady'")
+        if method is not None and not isinstance(method, SolverMethod):
+            raise ShapeError(f"method: got {method!r}, expected a SolverMethod such as dacore.algebra.solvers.Direct()")
         self.model, self.grid, self.scheme = model, grid, scheme or Newmark()
-        self.start, self.method, self.tolerance = start, method, tolerance
+        self.start, self.method, self.tolerance = start, method or Auto(), tolerance
         self._system = StepSystem(model, self.scheme, grid.step)
-        self._given = ordering
+        self._given = analysis
 
     @cached_property
-    def ordering(self) -> Ordering | None:
-        """The order of elimination, which depends on the sparsity pattern alone: found once for all samples."""
-        if self._given is not None or self.method == "krylov":
+    def analysis(self) -> Any:
+        """What the solver makes of the sparsity pattern alone: found once for all samples."""
+        if self._given is not None:
             return self._given
         layout = self.space.layout
         nodes = [np.tile(np.arange(layout.nodes[field.name]), field.components) for field in layout.fields]
         matrix = self._system.at(self._system.middle).matrix
-        return Ordering.of(matrix, self._system.definite, np.concatenate(nodes)[self._system.free])
+        return self.method.analyse(matrix, self._system.definite, np.concatenate(nodes)[self._system.free])
 
     def __reduce__(self) -> tuple[Any, ...]:
         settings = (self.model, self.grid, self.scheme, self.start, self.method, self.tolerance)
-        return MarchedModel, (*settings, self.ordering)
+        return MarchedModel, (*settings, self.analysis)
 
     @property
     def space(self) -> StateSpace:
@@ -187,7 +191,7 @@ class MarchedModel(ForwardModel):
         """March k motions with load amplitudes (n_loads, k): states (k, n_dofs, t)."""
         system, grid = self._system, self.grid
         step = system.at(parameters)
-        solver = make_solver(step.matrix, system.definite, self.method, self.tolerance, self.ordering)
+        solver = self.method.prepare(step.matrix, system.definite, self.tolerance, self.analysis)
         count = grid.spin_up + grid.steps
         profiles = load_profiles(self.model.loads, grid.step * np.arange(1.0, count + 1.0))
         recorded = np.empty((amplitudes.shape[1], self.space.n_dofs, grid.steps))

@@ -3,17 +3,22 @@
 import numpy as np
 from scipy.sparse import csr_array
 
-from dacore.algebra.solvers import Method, make_solver
+from dacore.algebra.solvers import Auto
 from dacore.core.arrays import Array, IntArray, Sparse
 from dacore.core.model import AffineModel, combine
 from dacore.core.parameters import Parameters
+from dacore.core.solver import SolverMethod
 from dacore.dynamics.newmark import State
 from dacore.dynamics.system import load_profiles, stack
 from dacore.errors import CapabilityError, ConvergenceError
 
 
 def steady_state(
-    model: AffineModel, parameters: Parameters, weights: Array, method: Method = "auto", tolerance: float = 1e-10
+    model: AffineModel,
+    parameters: Parameters,
+    weights: Array,
+    method: SolverMethod | None = None,
+    tolerance: float = 1e-10,
 ) -> Array:
     """Solve A(θ) y = F for the state that does not move under static loads.
 
@@ -26,8 +31,10 @@ def steady_state(
     parameters : mapping of str to float
     weights : (n_loads, k) array
         Amplitude of each load in k states.
-    method, tolerance
-        As `dacore.algebra.solvers.make_solver` takes them.
+    method : SolverMethod, optional
+        The built-in choice by default.
+    tolerance : float
+        Relative residual of each solve.
 
     Returns
     -------
@@ -59,7 +66,7 @@ def steady_state(
                 "determined; start from zero instead"
             )
         if right.any():
-            state[rows] = _solve(stiffness, rows, right, method, tolerance)
+            state[rows] = _solve(stiffness, rows, right, method or Auto(), tolerance)
     return state
 
 
@@ -93,15 +100,15 @@ def consistent_start(model: AffineModel, parameters: Parameters, start: State, t
     rate, acceleration = start.rate.copy(), start.acceleration.copy()
     if light.size:
         rate[light] = 0.0
-        rate[light] = _solve(damping, light, (residual - damping @ rate)[light], "auto", tolerance)
+        rate[light] = _solve(damping, light, (residual - damping @ rate)[light], Auto(), tolerance)
     if heavy.size:
         acceleration[heavy] = 0.0
         right = residual - damping @ rate - mass @ acceleration
-        acceleration[heavy] = _solve(mass, heavy, right[heavy], "auto", tolerance)
+        acceleration[heavy] = _solve(mass, heavy, right[heavy], Auto(), tolerance)
     return State(start.value, rate, acceleration)
 
 
-def _solve(matrix: Sparse, rows: IntArray, right: Array, method: Method, tolerance: float) -> Array:
+def _solve(matrix: Sparse, rows: IntArray, right: Array, method: SolverMethod, tolerance: float) -> Array:
     """Solve the symmetric positive definite block of `matrix` at `rows`."""
     block = csr_array(matrix[rows][:, rows])
-    return make_solver(block, np.ones(rows.size, dtype=bool), method, tolerance).solve(right)
+    return method.prepare(block, np.ones(rows.size, dtype=bool), tolerance).solve(right)

@@ -1,6 +1,6 @@
 """Scene files: TOML in, validated values out. Numbers, names and tables only; nothing is evaluated.
 
-The tables with a ``kind`` (domain, physics, observation, quantity, estimator) belong to plugins:
+The tables with a ``kind`` (domain, physics, solver, observation, quantity, estimator) belong to plugins:
 here they are read as they stand, and the plugin's own settings class checks them when it is used.
 """
 
@@ -38,6 +38,13 @@ class PluginTable(BaseModel):
         return dict(self.model_extra or {})
 
 
+class SolverTable(PluginTable):
+    """``[solver]``: what solves the time steps; other keys belong to the solver."""
+
+    kind: str = "auto"
+    tolerance: Annotated[float, Field(gt=0, lt=1e-2)] = 1e-10
+
+
 class Discretization(Table):
     """``[discretization]``: which finite element library."""
 
@@ -54,8 +61,6 @@ class Time(Table):
     beta: float = 0.5
     gamma: float = 1.0
     first_order: Literal["backward_euler", "newmark"] = "backward_euler"
-    solver: Literal["auto", "direct", "krylov"] = "auto"
-    tolerance: Annotated[float, Field(gt=0, lt=1e-2)] = 1e-10
 
 
 class Range(Table):
@@ -124,6 +129,7 @@ class Scene(Table):
     title : str
     domain, physics : PluginTable
     discretization, time, training, noise, validation, report : Table
+    solver : SolverTable
     parameters : mapping of str to Range
         Ranges that replace the model's own.
     observation, quantity, estimator : mapping of str to PluginTable
@@ -136,6 +142,7 @@ class Scene(Table):
     discretization: Discretization = Discretization()
     parameters: Mapping[str, Range] = {}
     time: Time = Time()
+    solver: SolverTable = SolverTable()
     training: Training = Training()
     observation: Annotated[Mapping[Name, PluginTable], Field(min_length=1)]
     quantity: Mapping[Name, PluginTable] = {}

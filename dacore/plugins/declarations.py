@@ -21,6 +21,7 @@ KINDS = {
     "observation": "dacore_observations",
     "quantity": "dacore_quantities",
     "estimator": "dacore_estimators",
+    "solver": "dacore_solvers",
 }
 
 

@@ -20,6 +20,7 @@ BASES = {
     "observation": "dacore.core.observation:ObservationOperator",
     "quantity": "dacore.core.quantity:QuantityOfInterest",
     "estimator": "dacore.core.estimator:Estimator",
+    "solver": "dacore.core.solver:SolverMethod",
 }
 
 

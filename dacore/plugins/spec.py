@@ -1,4 +1,4 @@
-"""The plugin door: six hooks, each a list of declarations. Declaring imports nothing.
+"""The plugin door: seven hooks, each a list of declarations. Declaring imports nothing.
 
 A plugin is an installed distribution with an entry point in the group ``dacore`` that names a
 module. The module implements some of the hooks below and imports no solver at its top::
@@ -86,6 +86,11 @@ class Hooks:
         """Estimators: frozen dataclasses, subclasses of `dacore.core.estimator.Estimator`."""
         raise AssertionError
 
+    @hookspec
+    def dacore_solvers(self) -> Sequence[PluginSpec]:
+        """Linear solvers: frozen dataclasses, subclasses of `dacore.core.solver.SolverMethod`."""
+        raise AssertionError
+
 
 HOOKS = (
     "dacore_backends",
@@ -94,4 +99,5 @@ HOOKS = (
     "dacore_observations",
     "dacore_quantities",
     "dacore_estimators",
+    "dacore_solvers",
 )

@@ -23,6 +23,7 @@ from dacore.core.model import AffineModel, ForwardModel, Physics
 from dacore.core.observation import Functionals, ObservationOperator
 from dacore.core.parameters import ParameterSpace
 from dacore.core.quantity import QuantityOfInterest
+from dacore.core.solver import SolverMethod
 from dacore.core.space import StateSpace
 from dacore.core.timegrid import TimeGrid
 from dacore.dynamics.march import MarchedModel
@@ -106,6 +107,12 @@ class Builder:
         return {name: self._make("estimator", table, f"estimator.{name}") for name, table in tables.items()}
 
     @cached_property
+    def solver(self) -> SolverMethod:
+        """What solves the time steps."""
+        made: SolverMethod = self._make("solver", self.scene.solver, "solver")
+        return made
+
+    @cached_property
     def scheme(self) -> Newmark:
         """The time scheme; SceneError outside its stability region."""
         time = self.scene.time
@@ -122,6 +129,7 @@ class Builder:
             self.quantities,
             self.estimators,
             self.scheme,
+            self.solver,
         )
 
     def model(self, mesh: Mesh | None) -> ForwardModel:
@@ -136,15 +144,18 @@ class Builder:
             built = self.physics.build(discretize)
         if isinstance(built, AffineModel):
             return self.march(built, 1)
-        if "time" in self.scene.model_fields_set:
-            raise SceneError(f"{self.where}: time: {self.scene.physics.kind} steps by itself; remove the [time] table")
+        for table in ("time", "solver"):
+            if table in self.scene.model_fields_set:
+                raise SceneError(
+                    f"{self.where}: {table}: {self.scene.physics.kind} steps by itself; remove the [{table}] table"
+                )
         return built
 
     def march(self, model: AffineModel, refinement: int) -> MarchedModel:
         """March an affine model with each step divided by `refinement`."""
         time = self.scene.time
         grid = TimeGrid(time.step / refinement, time.steps * refinement, time.spin_up * refinement)
-        return MarchedModel(model, grid, self.scheme, time.start, time.solver, time.tolerance)
+        return MarchedModel(model, grid, self.scheme, time.start, self.solver, self.scene.solver.tolerance)
 
     def parameters(self, model: ForwardModel) -> ParameterSpace:
         """The model's parameters with the scene's ranges."""

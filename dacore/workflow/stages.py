@@ -86,7 +86,6 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
     """
     scene, show = builder.scene, board or ProgressBoard()
     ranges = {name: table.model_dump() for name, table in scene.parameters.items()}
-    solver_settings = scene.time.model_dump()
 
     def make_training(results: Results, folder: Path) -> TrajectorySet:
         model, parameters = results["model"], results["parameters"]
@@ -150,7 +149,12 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
             return domain.mesh()
 
     numerics = {"dacore": __version__, "source": source_hash("dacore", NUMERICS)}
-    model_settings = {"time": solver_settings, "numerics": numerics, **_plugin(builder, "model", scene.physics)}
+    model_settings = {
+        "time": scene.time.model_dump(),
+        "solver": {"tolerance": scene.solver.tolerance, **_plugin(builder, "solver", scene.solver)},
+        "numerics": numerics,
+        **_plugin(builder, "model", scene.physics),
+    }
     stages = []
     domain = builder.domain
     if domain is not None and scene.domain is not None:

@@ -20,7 +20,7 @@ from scipy.sparse.linalg import bicgstab, splu
 from threadpoolctl import threadpool_limits
 
 from dacore.algebra.elimination import Ordering
-from dacore.algebra.solvers import make_solver
+from dacore.algebra.solvers import Direct, Krylov
 from dacore.core.mesh import Mesh
 from dacore.domains.ball import Ball
 from dacore.dynamics.newmark import Newmark, State
@@ -97,7 +97,8 @@ def measure(options):
     ordering = Ordering.of(step.matrix, system.definite, nodes[system.free]) if method == "direct+ordering" else None
     ordering_time, start = clock() - start, clock()
     if method in ("direct", "direct+ordering", "krylov"):
-        solver = make_solver(step.matrix, system.definite, method.partition("+")[0], options.tolerance, ordering)
+        kind = Krylov() if method == "krylov" else Direct()
+        solver = kind.prepare(step.matrix, system.definite, options.tolerance, ordering)
     else:
         solver = Reference(step.matrix, method, options.tolerance)
     setup = clock() - start

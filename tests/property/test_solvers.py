@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array
 
 from dacore.algebra.elimination import Ordering
-from dacore.algebra.solvers import make_solver
+from tests.solvers import make_solver
 
 
 @st.composite

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array, diags_array
 
-import dacore.dynamics.march as march_module
-import dacore.dynamics.static as static_module
+from dacore.algebra.solvers import Auto, Direct
 from dacore.core.fields import Field, Layout
 from dacore.core.model import AffineModel, AffineTerm, Load
 from dacore.core.parameters import Parameter, ParameterSpace
@@ -111,9 +110,8 @@ class Counter:
 
 @pytest.fixture
 def counter(monkeypatch):
-    count = Counter(march_module.make_solver)
-    monkeypatch.setattr(march_module, "make_solver", count)
-    monkeypatch.setattr(static_module, "make_solver", count)
+    count = Counter(Auto.prepare)
+    monkeypatch.setattr(Auto, "prepare", lambda *given: count(*given))
     return count
 
 
@@ -211,10 +209,10 @@ def test_spin_up_is_marched_but_not_recorded():
 
 
 def test_pickled_model_solves_alike():
-    model = MarchedModel(rod(), TimeGrid(0.02, 5), Newmark(0.25, 0.5, "newmark"), "steady", "direct", 1e-9)
+    model = MarchedModel(rod(), TimeGrid(0.02, 5), Newmark(0.25, 0.5, "newmark"), "steady", Direct(), 1e-9)
     copy = pickle.loads(pickle.dumps(model))
     np.testing.assert_array_equal(copy.solve(THETA).states, model.solve(THETA).states)
-    assert (copy.start, copy.method, copy.tolerance) == ("steady", "direct", 1e-9)
+    assert (copy.start, copy.method, copy.tolerance) == ("steady", Direct(), 1e-9)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)

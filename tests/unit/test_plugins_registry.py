@@ -272,8 +272,8 @@ def test_an_unknown_name_lists_what_there_is_and_what_was_meant(installer):
 
 
 def test_an_unknown_kind_lists_the_kinds():
-    with pytest.raises(PluginError, match="got 'solver', expected one of backend, domain, model"):
-        load([]).specs("solver")
+    with pytest.raises(PluginError, match="got 'magic', expected one of backend, domain, model"):
+        load([]).specs("magic")
 
 
 def test_damaged_metadata_does_not_hide_the_others(installer):
