@@ -5,15 +5,26 @@ USABLE     := import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))
 PYTHON     ?= $(shell for p in $(CANDIDATES); do $$p -c '$(USABLE)' >/dev/null 2>&1 && { echo $$p; break; }; done)
 
 VENV    := .venv
-BIN     := $(VENV)/bin
-PIP     := $(BIN)/python -m pip -qq --disable-pip-version-check
-PROJECT := pyproject.toml plugins/dacore-skfem/pyproject.toml plugins/dacore-biot/pyproject.toml \
-           plugins/dacore-imaging/pyproject.toml
-PLUGINS := $(foreach file,$(filter plugins/%,$(PROJECT)),-e $(patsubst %/pyproject.toml,./%,$(file)))
+ALL     := .venv-all
+PIP     := -m pip -qq --disable-pip-version-check
 
-REQUIRE ?= skfem
+# What the demo needs comes from PyPI alone. The other plugins are installed beside it as declarations, without
+# their libraries, for the checks. Tests with DOLFINx run in an environment of the system's own Python.
+DEMO    := plugins/dacore-skfem plugins/dacore-biot plugins/dacore-imaging
+OTHERS  := $(filter-out $(DEMO),$(patsubst %/pyproject.toml,%,$(wildcard plugins/*/pyproject.toml)))
+editable = $(foreach folder,$(1),-e ./$(folder))
+pyprojects = $(patsubst %,%/pyproject.toml,$(1))
+SYSTEM_PYTHON ?= /usr/bin/python3
+MFEM    := mfem==4.10.0.1
+
+REQUIRE ?= skfem,dolfinx,mfem
 WORKERS ?= 2
-PYTEST   = DACORE_REQUIRE=$(REQUIRE) $(BIN)/python -m pytest
+TESTED  := $(if $(filter-out skfem,$(REQUIRE)),$(ALL),$(VENV))
+PYTEST   = DACORE_REQUIRE=$(REQUIRE) $(TESTED)/bin/python -m pytest
+
+# Only what an environment holds counts, not what happens to lie elsewhere on this machine.
+export PYTHONNOUSERSITE := 1
+unexport PYTHONPATH PYTHONHOME PETSC_DIR
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test slow bench check clean
@@ -28,39 +39,57 @@ help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{ printf "%-12s %s\n", $$1, $$2 }'
 
 demo: $(VENV)/.demo ## reconstruct the state of the brain from a few measurements: results in runs/demo
-	$(BIN)/dacore run examples/brain/demo.toml --out runs/demo
+	$(VENV)/bin/dacore run examples/brain/demo.toml --out runs/demo
 
-test: $(VENV)/.dev ## run every test but the longer studies
-	$(PYTEST) -n $(WORKERS) -q
+test: $(TESTED)/.dev ## run every test but the longer studies, on all three backends
+	$(PYTEST) -n $(WORKERS)
 
-slow: $(VENV)/.dev ## run the longer studies
+slow: $(TESTED)/.dev ## run the longer studies
 	$(PYTEST) -m slow
 
-bench: $(VENV)/.dev ## measure run times (tests/benchmarks/bench_*.py)
+bench: $(TESTED)/.dev ## measure run times (tests/benchmarks/bench_*.py)
 	$(PYTEST) tests/benchmarks -o python_files='bench_*.py' -m '' -q -s
 
 check: $(VENV)/.dev ## lint, format, types, and imports that point down
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/lint-imports
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/mypy
+	$(VENV)/bin/lint-imports
 
-clean: ## remove the virtual environment, caches and the demo's results
-	rm -rf $(VENV) runs/demo .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+clean: ## remove the virtual environments, caches and the demo's results
+	rm -rf $(VENV) $(ALL) runs/demo .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A stamp is written last, so that whatever was cut short is done again. An environment that works is kept:
 # a half-made one, or one whose Python is gone, is made anew.
-$(VENV)/.demo: $(PROJECT)
-	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(MAKE) --no-print-directory .venv-made
+$(VENV)/.demo: pyproject.toml $(call pyprojects,$(DEMO))
+	@$(VENV)/bin/python -m pip --version >/dev/null 2>&1 || $(MAKE) --no-print-directory .venv-made
 	@echo "Installing dacore and its plugins into $(VENV) (a minute or two the first time)"
-	@$(PIP) install -e '.[figures]' $(PLUGINS)
+	@$(VENV)/bin/python $(PIP) install -e '.[figures]' $(call editable,$(DEMO))
 	@touch $@
 
-$(VENV)/.dev: $(VENV)/.demo
+$(VENV)/.dev: $(VENV)/.demo $(call pyprojects,$(OTHERS))
 	@echo "Installing the tools for tests and checks into $(VENV)"
-	@$(PIP) install -e '.[figures,test,dev]' $(PLUGINS)
+	@$(VENV)/bin/python $(PIP) install -e '.[figures,test,dev]' $(call editable,$(DEMO))
+	@$(if $(OTHERS),$(VENV)/bin/python $(PIP) install --no-deps $(call editable,$(OTHERS)))
 	@touch $@
+
+# The system's DOLFINx runs on the numpy it was compiled for: not on numpy 2 if the system's own is older. MFEM's
+# metadata asks for a newer numpy and for numba; it runs without, so its dependencies are left out.
+$(ALL)/.dev: pyproject.toml $(call pyprojects,$(DEMO) $(OTHERS)) tests/environment/check.py Makefile
+	@sh tests/environment/system.sh $(SYSTEM_PYTHON)
+	@$(ALL)/bin/python -c '$(SOUND)' >/dev/null 2>&1 || { \
+	    echo "Making $(ALL) with $$($(SYSTEM_PYTHON) --version), DOLFINx included"; \
+	    $(SYSTEM_PYTHON) -m venv --system-site-packages --clear $(ALL); }
+	@echo "Installing dacore, all its plugins and the tools for tests into $(ALL) (a minute or two the first time)"
+	@numpy=$$($(SYSTEM_PYTHON) -I -c 'import numpy; print("numpy<2" if numpy.__version__[:2] == "1." else "numpy")') && \
+	$(ALL)/bin/python $(PIP) install "$$numpy" -e '.[figures,test,dev]' $(call editable,$(DEMO))
+	@$(ALL)/bin/python $(PIP) install --no-deps $(MFEM) $(call editable,$(OTHERS))
+	@$(ALL)/bin/python tests/environment/check.py
+	@touch $@
+
+# Its own pip is there, for this very version of Python, and DOLFINx can be imported.
+SOUND := import sys, pip, dolfinx; sys.exit(not pip.__file__.startswith(sys.prefix))
 
 .PHONY: .venv-made
 .venv-made:
