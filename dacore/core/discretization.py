@@ -5,7 +5,8 @@ physics sees: fields by name, each form checked, brought to one order of dofs an
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 from typing import Any, final
 
@@ -15,7 +16,7 @@ from scipy.sparse import csr_array
 from dacore.core.arrays import Array, Sparse, as_array
 from dacore.core.fields import Field, Layout
 from dacore.core.mesh import Mesh
-from dacore.errors import PluginError, ShapeError
+from dacore.errors import DacoreError, PluginError, ShapeError
 
 
 class Assembler(ABC):
@@ -72,8 +73,8 @@ class Assembler(ABC):
 class Backend(ABC):
     """A finite element library. Its plugin class is constructed without arguments and holds no state.
 
-    Its module should import the library when `assembler` or `version` is called and not before:
-    a process that only solves with matrices then never loads it.
+    Its module should import the library when `assembler` is called and not before: a plan, or a process
+    that only solves with matrices, then never loads it.
     """
 
     name: str
@@ -84,7 +85,7 @@ class Backend(ABC):
 
     @abstractmethod
     def version(self) -> str:
-        """Version of the library."""
+        """Version of the library, from its installed metadata: no import."""
 
     @final
     def discretize(self, mesh: Mesh, fields: Sequence[Field]) -> "Discretization":
@@ -132,7 +133,21 @@ class Discretization:
 
     @cached_property
     def _assembler(self) -> Assembler:
-        return self.backend.assembler(self.mesh)
+        with self._blame("could not be loaded and put on the mesh"):
+            return self.backend.assembler(self.mesh)
+
+    @contextmanager
+    def _blame(self, what: str) -> Iterator[None]:
+        """Turn whatever a library raises into one line that names the backend: one that is found may still not load."""
+        try:
+            yield
+        except (DacoreError, MemoryError):
+            raise
+        except Exception as error:
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            raise PluginError(
+                f"backend {self.backend.name} {what} ({reason}); mend its installation or choose another backend"
+            ) from error
 
     def scalar_mass(self, field: str) -> Sparse:
         """∫ a b for one component of `field`: (n_nodes, n_nodes)."""
@@ -209,14 +224,19 @@ class Discretization:
         if derivative is not None and not 0 <= derivative < self.mesh.dim:
             raise ShapeError(f"axis of the derivative: got {derivative}, expected 0 to {self.mesh.dim - 1}")
         where = as_array("evaluation points", points, (None, self.mesh.dim))
-        made = self._assembler.evaluation(where, order, derivative)
+        assembler = self._assembler
+        with self._blame("could not evaluate the basis functions"):
+            made = assembler.evaluation(where, order, derivative)
         return self._canonical("evaluation", made, len(where), self._nodes(order))
 
     def _once(
         self, key: tuple[str | int, ...], rows: int, columns: int, assemble: Callable[[Assembler], Any]
     ) -> Sparse:
         if key not in self._forms:
-            self._forms[key] = self._canonical(str(key[0]), assemble(self._assembler), rows, columns)
+            form, assembler = str(key[0]), self._assembler
+            with self._blame(f"could not assemble {form}"):
+                made = assemble(assembler)
+            self._forms[key] = self._canonical(form, made, rows, columns)
         return self._forms[key]
 
     def _canonical(self, form: str, made: Any, rows: int, columns: int) -> Sparse:

@@ -1,5 +1,7 @@
 """scikit-fem as a backend; scikit-fem itself is imported when a form is first asked for."""
 
+from importlib.metadata import version
+
 from dacore.core.discretization import Assembler, Backend
 from dacore.core.mesh import Mesh
 
@@ -17,6 +19,4 @@ class SkfemBackend(Backend):
 
     def version(self) -> str:
         """Version of scikit-fem."""
-        import skfem
-
-        return str(skfem.__version__)
+        return version("scikit-fem")
