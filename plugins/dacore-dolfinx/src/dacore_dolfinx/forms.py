@@ -24,14 +24,14 @@ class Form:
         vectors with them, and the outward normal n.
     degree : callable
         ``degree(trial, test)``: degree of the integrand's polynomial on affine cells; the quadrature is exact for it.
-    boundary : bool
-        Integrated over marked facets instead of cells.
+    symmetric : bool
+        Block (i, j) is the transpose of block (j, i).
     """
 
     name: str
     integrand: Callable[[Any, Any, Any, Any, Any], Any]
     degree: Callable[[int, int], int]
-    boundary: bool = False
+    symmetric: bool = False
 
 
 def _strain(v: Any) -> Any:
@@ -40,13 +40,15 @@ def _strain(v: Any) -> Any:
 
 MASS = Form("mass", lambda p, q, a, b, n: p * q, lambda i, j: i + j)
 STIFFNESS = Form("stiffness", lambda p, q, a, b, n: ufl.inner(ufl.grad(p), ufl.grad(q)), lambda i, j: i + j - 2)
-STRAIN = Form("strain", lambda p, q, a, b, n: ufl.inner(_strain(p * b), _strain(q * a)), lambda i, j: i + j - 2)
-DIVERGENCE = Form("divergence", lambda p, q, a, b, n: ufl.div(p * b) * ufl.div(q * a), lambda i, j: i + j - 2)
+STRAIN = Form(
+    "strain", lambda p, q, a, b, n: ufl.inner(_strain(p * b), _strain(q * a)), lambda i, j: i + j - 2, symmetric=True
+)
+DIVERGENCE = Form(
+    "divergence", lambda p, q, a, b, n: ufl.div(p * b) * ufl.div(q * a), lambda i, j: i + j - 2, symmetric=True
+)
 GRADIENT_COUPLING = Form(
     "gradient coupling", lambda p, q, a, b, n: ufl.inner(ufl.grad(p), q * a), lambda i, j: i + j - 1
 )
 DIVERGENCE_COUPLING = Form("divergence coupling", lambda p, q, a, b, n: q * ufl.div(p * b), lambda i, j: i + j - 1)
-BOUNDARY_MASS = Form("boundary mass", lambda p, q, a, b, n: p * q, lambda i, j: i + j, boundary=True)
-BOUNDARY_COUPLING = Form(
-    "boundary coupling", lambda p, q, a, b, n: p * ufl.inner(q * a, n), lambda i, j: i + j, boundary=True
-)
+BOUNDARY_MASS = Form("boundary mass", lambda p, q, a, b, n: p * q, lambda i, j: i + j)
+BOUNDARY_COUPLING = Form("boundary coupling", lambda p, q, a, b, n: p * ufl.inner(q * a, n), lambda i, j: i + j)

@@ -1,5 +1,7 @@
 """From DOLFINx's order of cells, nodes and facets to that of a dacore mesh."""
 
+from collections.abc import Iterable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -83,12 +85,51 @@ class Places:
 
     def __init__(self, matrix: Any, rows: IntArray, columns: IntArray) -> None:
         indptr, indices = np.array(matrix.indptr), columns.astype(np.int32)[np.asarray(matrix.indices)]
-        number = np.arange(len(indices), dtype=np.int32 if len(indices) < 2**31 else np.int64)
+        # A matrix that holds its own entry numbers tells where they stand once it is put in order.
+        number = np.arange(len(indices), dtype=_index_type(len(indices)))
         entries = csr_array((number, indices, indptr), shape=(len(rows), len(columns)))[np.argsort(rows)]
         entries.sort_indices()
-        self._place = entries.data
-        self._indices, self._indptr, self._shape = entries.indices, entries.indptr, entries.shape
+        self.nnz = len(indices)
+        self.shape = (len(rows), len(columns))
+        self._place, self._indices, self._indptr = entries.data, entries.indices, entries.indptr
 
-    def __call__(self, values: Array) -> Sparse:
-        """Canonical matrix of the values of DOLFINx's; several share the arrays of their pattern."""
-        return csr_array((values[self._place], self._indices, self._indptr), shape=self._shape)
+    def canonical(self, values: Array) -> Array:
+        """Values (nnz,) in canonical order, a copy; DOLFINx's go in."""
+        return np.asarray(values[self._place])
+
+    @cached_property
+    def transposed(self) -> IntArray:
+        """Place (nnz,) of each entry's mirror image, for equal rows and columns; canonical order."""
+        number = np.arange(self.nnz, dtype=self._place.dtype)
+        return np.asarray(csr_array((number, self._indices, self._indptr), shape=self.shape).T.tocsr().data)
+
+    def matrix(self, rows: int, columns: int, blocks: Iterable[tuple[int, int, Array]]) -> Sparse:
+        """Matrix of ``rows × columns`` blocks with this pattern.
+
+        Parameters
+        ----------
+        rows, columns : int
+        blocks : iterable of (a, b, values)
+            The canonical values (nnz,) of each block; one at a time is in memory besides the result.
+        """
+        kind = _index_type(max(rows * columns * self.nnz, columns * self.shape[1]))
+        length = np.diff(self._indptr).astype(kind)
+        # In a row of blocks, row r starts behind all blocks' earlier rows, and block b behind b rows of its length.
+        first = np.arange(self.nnz, dtype=kind) + np.repeat((columns - 1) * self._indptr[:-1].astype(kind), length)
+        step = np.repeat(length, length)
+        data = np.empty((rows, columns * self.nnz))
+        for a, b, values in blocks:
+            data[a, first + b * step] = values
+        indices = np.empty((rows, columns * self.nnz), dtype=kind)
+        for b in range(columns):
+            indices[:, first + b * step] = self._indices + kind(b * self.shape[1])
+        indptr = np.concatenate([np.zeros(1, dtype=kind), np.cumsum(np.tile(columns * length, rows), dtype=kind)])
+        shape = (rows * self.shape[0], columns * self.shape[1])
+        made = csr_array((data.ravel(), indices.ravel(), indptr), shape=shape)
+        made.has_canonical_format = True
+        return made
+
+
+def _index_type(largest: int) -> type[np.signedinteger]:
+    """Return int32 where it can hold `largest`, which halves the memory of indices."""
+    return np.int32 if largest < 2**31 else np.int64
