@@ -1,5 +1,7 @@
 """MFEM as a backend; MFEM itself is imported when a form is first asked for."""
 
+from importlib.metadata import version
+
 from dacore.core.discretization import Assembler, Backend
 from dacore.core.mesh import Mesh
 
@@ -17,6 +19,4 @@ class MfemBackend(Backend):
 
     def version(self) -> str:
         """Version of PyMFEM, whose first three numbers are MFEM's."""
-        import mfem
-
-        return str(mfem.__version__)
+        return version("mfem")
