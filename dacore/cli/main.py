@@ -3,12 +3,15 @@
 import logging
 import sys
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, cast
 
 import typer
 
 from dacore import __version__
 from dacore.errors import DacoreError, MissingDependencyError, SceneError
+
+if TYPE_CHECKING:
+    from dacore.workflow.comparison.measure import Depth
 
 INTERRUPTED = 130
 
@@ -25,6 +28,7 @@ app = typer.Typer(
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="a scene in TOML, see examples/")]
 Changes = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change a key of the scene")]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="where results go [runs/NAME]")]
+Workers = Annotated[int | None, typer.Option("--workers", metavar="N", min=1, help="processes for solving [all cores]")]
 Cache = Annotated[Path | None, typer.Option("--cache", metavar="DIR", help="where stages are kept [OUT/cache]")]
 
 
@@ -51,9 +55,7 @@ def run(
     out: Out = None,
     cache: Cache = None,
     changes: Changes = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", metavar="N", min=1, help="processes for solving [all cores]")
-    ] = None,
+    workers: Workers = None,
 ) -> None:
     """Run a scene: results.json, figures, fields for ParaView and report.html."""
     from dacore.cli.progress import RichBoard
@@ -61,7 +63,7 @@ def run(
 
     with RichBoard() as board:
         finished = run_scene(scene, changes or [], _out(scene, out), cache, workers, board)
-    board.summary(finished)
+    board.show(finished.tables, finished.files)
 
 
 @app.command()
@@ -71,6 +73,58 @@ def plan(scene: SceneFile, out: Out = None, cache: Cache = None, changes: Change
     from dacore.workflow.run import plan_scene
 
     print_plan(plan_scene(scene, changes or [], _out(scene, out), cache))
+
+
+@app.command()
+def compare(
+    scene: SceneFile,
+    backends: Annotated[str | None, typer.Option("--backends", metavar="A,B", help="finite element libraries")] = None,
+    solvers: Annotated[str | None, typer.Option("--solvers", metavar="A,B", help="linear solvers")] = None,
+    observations: Annotated[
+        str | None, typer.Option("--observations", metavar="A,B+C", help="observations of the scene, one or several")
+    ] = None,
+    estimators: Annotated[
+        str | None, typer.Option("--estimators", metavar="A,B", help="estimators of the scene")
+    ] = None,
+    vary: Annotated[
+        list[str] | None, typer.Option("--vary", metavar="KEY=A,B", help="values of any key of the scene")
+    ] = None,
+    until: Annotated[
+        str, typer.Option("--until", metavar="WHAT", help="how far: matrices, trajectory or estimate")
+    ] = "estimate",
+    rounds: Annotated[int, typer.Option("--rounds", metavar="N", help="how often costs are measured")] = 3,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="where results go [runs/NAME-compare]")
+    ] = None,
+    cache: Cache = None,
+    changes: Changes = None,
+    workers: Workers = None,
+) -> None:
+    """Run variants of a scene side by side: agreement, cost, memory and errors of each."""
+    from dacore.cli.progress import RichBoard
+    from dacore.workflow.comparison.variants import Axis, axis_of, names
+
+    lists = {"backends": backends, "solvers": solvers, "observations": observations, "estimators": estimators}
+    axes = [Axis(key, names(text)) for key, text in lists.items() if text is not None]
+    axes += [axis_of(text) for text in vary or []]
+    folder = out if out is not None else Path("runs") / f"{scene.stem}-compare"
+
+    from dacore.io.atomic import make_folder
+    from dacore.workflow.comparison.output import publish, tables
+    from dacore.workflow.comparison.run import compare as run_comparison
+
+    with RichBoard() as board:
+        found = run_comparison(
+            scene, axes, changes or [], cache or folder / "cache", cast("Depth", until), rounds, workers, board
+        )
+        make_folder(folder)
+        files = publish(found, folder, " ".join(["dacore", *sys.argv[1:]]))
+    board.show(tables(found), files)
+    failed = [variant for variant in found.variants if variant.error]
+    for variant in failed:
+        typer.echo(f"error: {variant.label}: {variant.error}", err=True)
+    if failed:
+        raise typer.Exit(1)
 
 
 @app.command()

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
@@ -21,8 +22,7 @@ from rich.text import Text
 
 from dacore.pipeline.runner import PlannedStage
 from dacore.plugins.registry import Row
-from dacore.workflow.report_parts import Cell
-from dacore.workflow.run import Finished
+from dacore.workflow.report_parts import Cell, Table
 from dacore.workflow.stages import ProgressBoard
 
 TONE_STYLE = {"": "", "best": "bold green", "bad": "red", "muted": "dim"}
@@ -63,9 +63,9 @@ class RichBoard(ProgressBoard):
             seconds = time.perf_counter() - self._started[name]
             self.bars.print(f"  [bold]done[/]  {name:<22}{seconds:8.1f} s", highlight=False)
 
-    def summary(self, finished: Finished) -> None:
-        """Print the errors and where the results are."""
-        for table in finished.tables:
+    def show(self, tables: Sequence[Table], files: Sequence[Path]) -> None:
+        """Print the tables and where the results are."""
+        for table in tables:
             shown = RichTable(
                 title=Text(table.caption), title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False,
                 caption=Text(table.note) if table.note else None, caption_justify="left",
@@ -75,7 +75,7 @@ class RichBoard(ProgressBoard):
             for row in table.rows:
                 shown.add_row(*(_cell(cell) for cell in row))
             self.console.print(shown)
-        for path in finished.files:
+        for path in files:
             self.console.print(f"  {path}", highlight=False, soft_wrap=True)
 
 

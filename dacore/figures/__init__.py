@@ -15,6 +15,8 @@ one into PNG or SVG bytes.
 `quantity.quantity`       estimated against true quantity of interest
 `summary.summary`         error of each estimator for each noise level
 `hero.hero`               from measured voxels to a hidden field, one wide strip
+`costs.costs`             what several variants cost, a panel of bars for each cost
+`costs.differences`       how far several variants agree, item by item
 ========================  ==========================================================
 """
 

@@ -202,7 +202,7 @@ def read_table(path: Path, changes: Sequence[str] = ()) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         raise SceneError(f"{path}: not valid TOML: {error}") from error
     for change in changes:
-        _apply(table, change)
+        _apply_change(table, change)
     return table
 
 
@@ -214,7 +214,7 @@ def validate(table: Mapping[str, Any], where: str = "scene") -> Scene:
         raise SceneError(f"{where}: " + "; ".join(_explain(item) for item in error.errors()[:4])) from error
 
 
-def _apply(table: dict[str, Any], change: str) -> None:
+def _apply_change(table: dict[str, Any], change: str) -> None:
     key, equals, text = change.partition("=")
     if not equals or not key.strip():
         raise SceneError(f"--set {change}: expected key=value, for example training.samples=16")
@@ -222,12 +222,17 @@ def _apply(table: dict[str, Any], change: str) -> None:
         value = tomllib.loads(f"value = {text.strip()}")["value"]
     except tomllib.TOMLDecodeError:
         value = text.strip()
+    apply(table, key.strip(), value)
+
+
+def apply(table: dict[str, Any], key: str, value: Any) -> None:
+    """Set one dotted key of an unchecked scene; SceneError if there is no such table."""
     at: Any = table
-    *path, last = key.strip().split(".")
+    *path, last = key.split(".")
     for part in path:
         at = at.setdefault(part, {})
         if not isinstance(at, dict):
-            raise SceneError(f"--set {change}: {part} is not a table")
+            raise SceneError(f"{key}: {part} is not a table")
     at[last] = value
 
 

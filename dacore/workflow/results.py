@@ -3,8 +3,6 @@
 import json
 import os
 import platform
-import resource
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -20,6 +18,7 @@ from dacore.core.observation import Functionals
 from dacore.io.atomic import atomic_write
 from dacore.studies.errors import JOINT
 from dacore.studies.validation import PRIOR, Outcome, Validation
+from dacore.workflow.machine import peak_memory
 from dacore.workflow.session import Session
 
 SCHEMA = 1
@@ -50,7 +49,7 @@ def summarise(session: Session, seconds: float) -> dict[str, Any]:
         "versions": {"python": platform.python_version(), **session.builder.versions()},
         "machine": {"system": platform.platform(), "processor": platform.machine(), "cores": os.cpu_count()},
         "timings": timings | {"total": round(seconds, 3)},
-        "peak_memory_mib": peak_memory(),
+        "peak_memory_mib": {"main": round(peak_memory(), 1)},
         "mesh": _mesh(session.mesh) if scene.domain is not None else None,
         "n_dofs": background.space.n_dofs,
         "observation": _observation(session.functionals),
@@ -70,12 +69,6 @@ def summarise(session: Session, seconds: float) -> dict[str, Any]:
             "parameters": dict(refinement.parameters),
         }
     return summary
-
-
-def peak_memory() -> dict[str, float]:
-    """Peak resident memory [MiB] of the main process; a worker holds the model and one trajectory."""
-    unit = 1024.0 if sys.platform != "darwin" else 1024.0**2
-    return {"main": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit, 1)}
 
 
 def write_json(content: Mapping[str, Any], path: Path) -> None:
