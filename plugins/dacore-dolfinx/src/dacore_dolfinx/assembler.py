@@ -77,7 +77,8 @@ class DolfinxAssembler(Assembler):
         """Matrix of ``rows × columns`` blocks, (i, j) for the test direction i and the trial direction j."""
         domain = self._domain
         p, q = ufl.TrialFunction(self._space(trial)), ufl.TestFunction(self._space(test))
-        a, b = (compat.constant(domain, (self.mesh.dim,)) for _ in range(2))
+        directions = compat.constant(domain, (2, self.mesh.dim))
+        a, b = (ufl.as_vector([directions[k, axis] for axis in range(self.mesh.dim)]) for k in range(2))
         measure = ufl.dx(domain=domain) if role is None else self._surface(role)
         integrand = form.integrand(p, q, a, b, ufl.FacetNormal(domain))
         kernel = compile_form(integrand * measure(degree=form.degree(trial, test)))
@@ -87,7 +88,7 @@ class DolfinxAssembler(Assembler):
             axes = np.eye(self.mesh.dim)
             for i in range(rows):
                 for j in range(i if form.symmetric else 0, columns):
-                    a.value[:], b.value[:] = axes[i], axes[j]
+                    directions.value[:] = axes[i], axes[j]
                     matrix.data[:] = 0.0
                     compat.assemble_matrix(matrix, kernel)
                     values = places.canonical(matrix.data)

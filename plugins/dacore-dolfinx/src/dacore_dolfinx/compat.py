@@ -41,7 +41,8 @@ def make_mesh(points: Array, cells: IntArray) -> Any:
     """Mesh of affine simplices on this process alone; points (n, d), cells (c, d + 1)."""
     cell, dim = _CELLS[points.shape[1]], points.shape[1]
     if VERSION < (0, 7):
-        element = ufl.VectorElement("Lagrange", cell, 1)
+        # FFCx adds the variant to the mesh's element while it compiles, and every signature would change with it.
+        element = ufl.VectorElement("Lagrange", cell, 1, variant="equispaced")
     else:
         import basix.ufl
 
@@ -91,7 +92,11 @@ def compiled(form: Any, jit: dict[str, Any]) -> Any:
 
 
 def constant(domain: Any, shape: tuple[int, ...]) -> Any:
-    """Return a constant whose value is set later, through its ``value``."""
+    """Return a constant whose value is set later, through its ``value``.
+
+    A form should have one at most: UFL orders several by their numbers as text, 9 behind 10, so that a
+    process that has made many would compile the same form anew.
+    """
     return fem.Constant(domain, np.zeros(shape))
 
 
