@@ -46,6 +46,7 @@ def kernels(stand: Stand) -> None:
         ):
             where, matrix = stand.where(name, f"P{k}"), form.toarray()
             size = np.abs(matrix).max()
+            require(size > 0, f"{where}: is zero everywhere")
             left = max(np.abs(matrix @ one).max() for one in kernel) / size
             require(left < 1e-11, f"{where}: {what} gives {left:.1e} of its largest entry, expected zero")
             found = int((np.linalg.eigvalsh(matrix) < 1e-9 * size).sum())
