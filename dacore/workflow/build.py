@@ -134,6 +134,10 @@ class Builder:
 
     def model(self, mesh: Mesh | None) -> ForwardModel:
         """Build the forward model on a mesh, or without one; an affine model is marched as ``[time]`` says."""
+        return self.complete(self.assemble(mesh))
+
+    def assemble(self, mesh: Mesh | None) -> AffineModel | ForwardModel:
+        """Build what the physics makes: matrices and loads of an affine model, or a model of its own kind."""
 
         def discretize(fields: Sequence[Field]) -> Discretization:
             if mesh is None:
@@ -141,7 +145,10 @@ class Builder:
             return self.backend.discretize(mesh, fields)
 
         with self.blame("physics"):
-            built = self.physics.build(discretize)
+            return self.physics.build(discretize)
+
+    def complete(self, built: AffineModel | ForwardModel) -> ForwardModel:
+        """Return a model that solves; SceneError if the scene says how to step a model that steps by itself."""
         if isinstance(built, AffineModel):
             return self.march(built, 1)
         for table in ("time", "solver"):

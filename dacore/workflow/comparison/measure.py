@@ -19,7 +19,7 @@ from scipy.sparse import csr_array
 
 from dacore.algebra.threads import one_blas_thread
 from dacore.core.arrays import Array, Sparse
-from dacore.core.model import ForwardModel
+from dacore.core.model import AffineModel, ForwardModel
 from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.training import Progress
 from dacore.errors import DacoreError
@@ -116,41 +116,40 @@ class Measurement:
         yield
         self.costs[name] = clock() - start
 
-    def matrices(self) -> ForwardModel:
+    def matrices(self) -> AffineModel | ForwardModel:
         """Build the model twice: the first time the library is also imported, and compiles or warms up."""
         builder = self.session.builder
         mesh = self.session.mesh if builder.scene.domain is not None else None
         with self._timed("first assembly", time.perf_counter):
-            model = builder.model(mesh)
+            model = builder.assemble(mesh)
         if mesh is not None:
             self.facts["library"] = builder.backend.version()
         del model
         with self._timed("assembly"):
-            model = builder.model(mesh)
+            model = builder.assemble(mesh)
         self.costs["memory assembling"] = peak_memory()
         with self._timed("functionals"):
             functionals = builder.functionals(model.space)
         self.facts |= {"n_dofs": model.space.n_dofs, "functionals": functionals.count}
         if self.save:
-            if isinstance(model, MarchedModel):
-                affine = model.model
-                for term in (*affine.second_order, *affine.first_order, *affine.zeroth_order):
+            if isinstance(model, AffineModel):
+                for term in (*model.second_order, *model.first_order, *model.zeroth_order):
                     self._keep_matrix(f"matrix {term.name}", term.matrix)
-                for load in affine.loads:
+                for load in model.loads:
                     self.arrays[f"load {load.name}"] = load.force + load.prescribed
             for field in model.space.fields:
                 self._keep_matrix(f"matrix ⟨{field.name}, {field.name}⟩", model.space.scalar_product(field.name))
             self._keep_matrix("functionals", functionals.matrix)
         return model
 
-    def trajectory(self, model: ForwardModel) -> None:
+    def trajectory(self, built: AffineModel | ForwardModel) -> None:
         """Solve once with parameters in the middle of their ranges."""
-        parameters = {
-            p.name: float(p.quantile(np.array(0.5))) for p in self.session.builder.parameters(model).parameters
-        }
-        if isinstance(model, MarchedModel):
-            with self._timed("analysis"):
+        builder = self.session.builder
+        with self._timed("analysis"):
+            model = builder.complete(built)
+            if isinstance(model, MarchedModel):
                 _ = model.analysis
+        parameters = {p.name: float(p.quantile(np.array(0.5))) for p in builder.parameters(model).parameters}
         with self._timed("trajectory"):
             solved = model.solve(parameters)
         self.costs["memory solving"] = peak_memory()

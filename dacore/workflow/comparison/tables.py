@@ -23,7 +23,7 @@ COSTS = {
         ("memory, assembling", "memory assembling", "MiB", "peak of the process, the library's own included"),
     ),
     "trajectory": (
-        ("analysis", "analysis", "CPU s", "what the solver does once for all samples"),
+        ("analysis", "analysis", "CPU s", "system of a time step and what the solver does once for all samples"),
         ("trajectory", "trajectory", "CPU s", "set-up of the solver and all steps of one sample"),
         ("memory, solving", "memory solving", "MiB", "peak of the process so far"),
     ),
