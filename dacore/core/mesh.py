@@ -56,6 +56,7 @@ class Mesh:
             if nodes.shape[1] not in (2, 3):
                 raise MeshError(f"mesh points: got {nodes.shape[1]} coordinates a point, expected 2 or 3")
             dim = nodes.shape[1]
+            _check_corners(np.shape(cells), dim)
             simplices = as_indices("mesh cells", cells, (None, dim + 1), len(nodes))
             faces = as_indices("mesh facets", facets, (None, dim), len(nodes))
             given = np.asarray(facet_tags)
@@ -94,15 +95,7 @@ class Mesh:
             )
 
     def _check_cells(self) -> None:
-        ordered = np.sort(self.cells, axis=1)
-        if (ordered[:, 1:] == ordered[:, :-1]).any():
-            raise MeshError("mesh cells: a cell names the same point twice; remove degenerate cells")
-        order = np.lexsort(ordered.T)
-        doubled = order[1:][(ordered[order[1:]] == ordered[order[:-1]]).all(axis=1)]
-        if len(doubled):
-            raise MeshError(
-                f"mesh cells: {len(doubled)} repeat an earlier one (first: {doubled.min()}); remove the duplicates"
-            )
+        check_distinct(self.cells)
         # Measured against each cell's own size, so that a strongly graded mesh passes.
         flat = self.volumes <= 1e-13 * np.ptp(self.points[self.cells], axis=1).max(axis=1) ** self.dim
         if flat.any():
@@ -198,6 +191,23 @@ class Mesh:
         return int(self.roles[role])
 
 
+def check_distinct(cells: IntArray) -> None:
+    """MeshError if a cell names a point twice, or two cells have the same points."""
+    ordered = np.sort(cells, axis=1)
+    twice = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
+    if twice.any():
+        raise MeshError(
+            f"mesh cells: {int(twice.sum())} of {len(cells)} name the same point twice "
+            f"(first: {np.flatnonzero(twice)[0]}); remove these degenerate cells"
+        )
+    order = np.lexsort(ordered.T)
+    doubled = order[1:][(ordered[order[1:]] == ordered[order[:-1]]).all(axis=1)]
+    if len(doubled):
+        raise MeshError(
+            f"mesh cells: {len(doubled)} repeat an earlier one (first: {doubled.min()}); remove the duplicates"
+        )
+
+
 def exterior_facets(cells: IntArray) -> IntArray:
     """Facets (f, d) that belong to one cell only, oriented outwards for positive cells."""
     n = cells.shape[1]
@@ -210,8 +220,26 @@ def exterior_facets(cells: IntArray) -> IntArray:
     every = np.concatenate(facets)
     _, first, counts = np.unique(_row_codes(every, int(cells.max()) + 1), return_index=True, return_counts=True)
     if (counts > 2).any():
-        raise MeshError(f"mesh cells: {int((counts > 2).sum())} facets belong to more than two cells; not a manifold")
+        raise MeshError(
+            f"mesh cells: {int((counts > 2).sum())} facets belong to more than two cells; "
+            "expected a manifold, remove cells that overlap"
+        )
     return np.asarray(every[first[counts == 1]])
+
+
+def _check_corners(shape: tuple[int, ...], dim: int) -> None:
+    """Say what is wrong where the cells have as many corners as those of another dimension, or of no simplex."""
+    if len(shape) != 2 or shape[1] == dim + 1:
+        return
+    got = f"mesh cells: got {shape[1]} corners a cell and points of {dim} coordinates"
+    if (shape[1], dim) == (3, 3):
+        raise MeshError(
+            f"{got}, expected tetrahedra there; for a plane domain leave out the constant coordinate "
+            "(points[:, :2]), a curved surface has to be filled with tetrahedra"
+        )
+    if (shape[1], dim) == (4, 2):
+        raise MeshError(f"{got}, expected triangles there; cut quadrilaterals into two triangles each")
+    raise MeshError(f"{got}, expected {dim + 1} corners: triangles in the plane, tetrahedra in space")
 
 
 def _row_codes(table: IntArray, base: int) -> IntArray:

@@ -11,7 +11,7 @@ import numpy as np
 
 from dacore.core.arrays import Array, IntArray
 from dacore.core.domain import Domain
-from dacore.core.mesh import Mesh, exterior_facets
+from dacore.core.mesh import Mesh, check_distinct, exterior_facets
 from dacore.core.simplex import barycentric_gradients
 from dacore.domains.tags import Tag, facet_tags, role_tags
 from dacore.errors import MeshError
@@ -83,10 +83,12 @@ class MeshFile(Domain):
         cell_kind, facet_kind = {2: ("triangle", "line"), 3: ("tetra", "triangle")}[dim]
         points = np.array(raw.points[:, :dim]) * _CM[self.unit]
         if not np.isfinite(points).all():
-            raise MeshError(f"{self.path}: {int((~np.isfinite(points)).sum())} coordinates are NaN or infinite")
+            bad = int((~np.isfinite(points)).sum())
+            raise MeshError(f"{self.path}: {bad} coordinates are NaN or infinite, expected numbers; export it again")
         cells = raw.cells[cell_kind]
         if cells.size and (cells.min() < 0 or cells.max() >= len(points)):
             raise MeshError(f"{self.path}: cells name points that are not in the file; export it again")
+        check_distinct(cells)
         self._check_extent(points[np.unique(cells)])
         cells = self._oriented(points, cells)
         if facet_kind not in raw.cells or not len(raw.cells[facet_kind]):
@@ -136,11 +138,16 @@ class MeshFile(Domain):
                 f"{self.path}: has no triangles or tetrahedra; save the domain's cells, not only its boundary"
             )
         if raw.points.shape[1] == 3:
-            height = np.ptp(raw.points[np.unique(raw.cells["triangle"]), 2])
-            if height > 1e-9 * np.ptp(raw.points, axis=0).max():
+            heights = np.ptp(raw.points[np.unique(raw.cells["triangle"])], axis=0)
+            if heights[2] > 1e-9 * heights.max():
+                flat = [axis for axis, height in zip("xy", heights, strict=False) if height <= 1e-9 * heights.max()]
+                advice = (
+                    f"they lie in a plane {flat[0]} = const, turn it so that z is constant"
+                    if flat
+                    else "it is a surface, fill it with tetrahedra"
+                )
                 raise MeshError(
-                    f"{self.path}: has triangles that do not lie in a plane z = const and no tetrahedra; it is a "
-                    "surface, fill it with tetrahedra"
+                    f"{self.path}: has triangles that do not lie in a plane z = const and no tetrahedra; {advice}"
                 )
         return 2
 
