@@ -14,6 +14,7 @@ from dacore.errors import AccuracyError, ShapeError
 
 PASS_DEPTH = 1e-6
 MAX_PASSES = 6
+_NEWS = 1e-3
 
 
 def pod(snapshots: Array, product: Sparse, tolerance: float = 0.0, max_rank: int | None = None) -> ReducedSpace:
@@ -69,6 +70,8 @@ def modes_of(
         if modes.shape[1] == 0:
             break
         modes, weighted_modes = _orthonormalise(basis, weighted_basis, modes, product)
+        if modes.shape[1] == 0:  # what is left is round-off of what was found
+            break
         found = modes.T @ weighted
         basis = np.concatenate([basis, modes], axis=1)
         weighted_basis = np.concatenate([weighted_basis, weighted_modes], axis=1)
@@ -105,9 +108,18 @@ def _one_pass(residual: Array, weighted: Array, target: float, limit: int) -> Ar
 
 
 def _orthonormalise(basis: Array, weighted_basis: Array, modes: Array, product: Sparse) -> tuple[Array, Array]:
-    """Make `modes` orthonormal, and orthogonal to an orthonormal basis: Gram–Schmidt by blocks, twice."""
+    """Make modes of size one orthonormal, and orthogonal to an orthonormal basis: Gram–Schmidt by blocks, twice.
+
+    Modes of which the basis already holds all but a thousandth are left out: at the limit of round-off
+    they are noise.
+    """
     for _ in range(2):
         modes = modes - basis @ (weighted_basis.T @ modes)
-        factor = cholesky(modes.T @ (product @ modes), lower=False)
-        modes = solve_triangular(factor, modes.T, trans="T", lower=False).T
+        gram = modes.T @ (product @ modes)
+        squares, vectors = eigh(gram)
+        new = squares > _NEWS**2
+        if new.all():
+            modes = solve_triangular(cholesky(gram, lower=False), modes.T, trans="T", lower=False).T
+        else:
+            modes = modes @ (vectors[:, new] / np.sqrt(squares[new]))
     return modes, np.asarray(product @ modes)

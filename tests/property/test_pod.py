@@ -96,3 +96,18 @@ def test_useless_snapshots_are_refused(bad):
 def test_a_basis_that_is_not_orthonormal_is_refused():
     with pytest.raises(AccuracyError, match="orthonormal"):
         ReducedSpace(np.ones((3, 2)), np.ones(2), csr_array(np.eye(3)))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_left_over_of_dependent_snapshots_is_not_taken_for_modes(seed):
+    """Held nodes make the rank smaller than the number of nodes; beyond it there is only round-off."""
+    rng = np.random.default_rng(seed)
+    free, held, count = 32, 17, 96
+    moving = rng.normal(size=(free, free)) * 10.0 ** -np.linspace(0.0, 4.0, free) @ rng.normal(size=(free, count))
+    boundary = np.where(np.arange(held)[:, None] < 8, 1e4, rng.uniform(1e4, 1.1e4, count))
+    snapshots = np.concatenate([1e4 + moving, boundary])
+    off = np.full(free + held - 1, 0.2)
+    mass = csr_array(diags_array([off, np.ones(free + held), off], offsets=[-1, 0, 1]))
+    space = pod(snapshots, mass, 1e-13)
+    assert space.dimension == free + 2
+    np.testing.assert_allclose(space.basis.T @ (mass @ space.basis), np.eye(space.dimension), atol=1e-12)
