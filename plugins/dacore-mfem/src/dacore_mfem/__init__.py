@@ -1,4 +1,4 @@
-"""MFEM backend of dacore."""
+"""MFEM backend and solvers of dacore."""
 
 from dacore.plugins import PluginSpec, hookimpl
 
@@ -15,5 +15,19 @@ def dacore_backends() -> list[PluginSpec]:
             requires=("mfem",),
             install=_INSTALL,
             summary="MFEM: compiled C++, through PyMFEM",
+        )
+    ]
+
+
+@hookimpl
+def dacore_solvers() -> list[PluginSpec]:
+    """Declare the solvers."""
+    return [
+        PluginSpec(
+            "mfem_krylov",
+            "dacore_mfem.krylov:MfemKrylov",
+            requires=("mfem",),
+            install=_INSTALL,
+            summary="MFEM's BiCGSTAB, GMRES, MINRES and conjugate gradients",
         )
     ]

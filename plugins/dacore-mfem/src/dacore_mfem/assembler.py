@@ -17,10 +17,10 @@ from dacore.core.arrays import Array, IntArray, Sparse
 from dacore.core.discretization import Assembler
 from dacore.core.mesh import Mesh
 from dacore.geometry.locate import PointLocator
-from dacore_mfem.library import mfem
+from dacore_mfem.library import from_native, mfem
 from dacore_mfem.pattern import Pattern, renumbered
 from dacore_mfem.shapes import Shapes
-from dacore_mfem.spaces import MfemMesh, arrays_of
+from dacore_mfem.spaces import MfemMesh
 
 
 class MfemAssembler(Assembler):
@@ -188,4 +188,4 @@ def _mixed(trial: Any, test: Any, integrator: Any, rule: Any) -> Sparse:
 def _finished(form: Any, skip_zeros: int = 1) -> Sparse:
     form.Assemble(skip_zeros)
     form.Finalize(skip_zeros)
-    return arrays_of(form.SpMat())
+    return from_native(form.SpMat())

@@ -6,12 +6,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array
 
-from dacore.core.arrays import IntArray, Sparse
+from dacore.core.arrays import IntArray
 from dacore.core.mesh import Mesh
 from dacore.errors import PluginError
-from dacore_mfem.library import mfem
+from dacore_mfem.library import from_native, mfem, quiet
 
 
 class MfemMesh:
@@ -30,7 +29,7 @@ class MfemMesh:
     def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh
         # Facets as the cells have them: MFEM turns others round, and says so on stdout.
-        facets = mesh.exterior_facets
+        facets = _turned(mesh, mesh.exterior_facets)
         # Attributes must be positive and MFEM's markers are as long as the largest: number the tags from one.
         self._tags, attributes = np.unique(_tags_of(mesh, facets), return_inverse=True)
         self.native = mfem.Mesh(mesh.dim, len(mesh.points), len(mesh.cells), len(facets), mesh.dim)
@@ -41,7 +40,8 @@ class MfemMesh:
         _call(self.native.AddBdrSegment if flat else self.native.AddBdrTriangle, bounded)
         finalize = self.native.FinalizeTriMesh if flat else self.native.FinalizeTetMesh
         # With edges, without marking for refinement, which would turn the cells' vertices.
-        finalize(1, 0, True)
+        with quiet():
+            finalize(1, 0, True)
         self._spaces: dict[int, Space] = {}
 
     def space(self, order: int) -> "Space":
@@ -79,10 +79,11 @@ class Space:
         # Nodal at equally spaced points: vertices and edge midpoints. There P2 has one dof an edge, so none has a sign.
         self._collection = mfem.H1_FECollection(order, mesh.dim, mfem.BasisType.ClosedUniform)
         self.scalar = mfem.FiniteElementSpace(native, self._collection)
-        if self.scalar.GetNDofs() != len(mesh.nodes(order)):
+        given, expected = self.scalar.GetNDofs(), len(mesh.nodes(order))
+        if given != expected:
             raise PluginError(
-                f"mfem: elements of order {order} have {self.scalar.GetNDofs()} dofs, expected {len(mesh.nodes(order))}; "
-                "MFEM sees another mesh: report this with the mesh"
+                f"mfem: elements of order {order} have {given} dofs, expected {expected}; MFEM sees another mesh: "
+                "report this with the mesh"
             )
 
     @cached_property
@@ -116,7 +117,7 @@ class Space:
         form.AddDomainInterpolator(mfem.IdentityInterpolator())
         form.Assemble()
         form.Finalize()
-        embedding = arrays_of(form.SpMat())
+        embedding = from_native(form.SpMat())
         embedding.data[np.abs(embedding.data) < 0.25] = 0.0
         embedding.eliminate_zeros()
         embedding.sort_indices()
@@ -133,13 +134,6 @@ class Space:
         return np.concatenate([np.arange(n), n + edge])
 
 
-def arrays_of(matrix: Any) -> Sparse:
-    """Copy of a finished MFEM matrix."""
-    arrays = (matrix.GetDataArray(), matrix.GetJArray(), matrix.GetIArray())
-    data, indices, indptr = (np.array(array) for array in arrays)
-    return csr_array((data, indices, indptr), shape=(matrix.Height(), matrix.Width()))
-
-
 def _tags_of(mesh: Mesh, facets: IntArray) -> IntArray:
     """Tags (f,) of boundary facets given in another order and orientation."""
     both = np.sort(np.concatenate([mesh.facets, facets]), axis=1)
@@ -148,6 +142,20 @@ def _tags_of(mesh: Mesh, facets: IntArray) -> IntArray:
     tags = np.empty(len(facets), dtype=np.int64)
     tags[given] = mesh.facet_tags
     return tags[wanted]
+
+
+def _turned(mesh: Mesh, facets: IntArray) -> IntArray:
+    """Facets (f, d) that begin at the vertex opposite the longest edge, orientation kept.
+
+    MFEM takes the area of a triangle from √(|a|²|b|² − (a·b)²), a and b the edges at its first vertex, which
+    loses digits where |a||b| is much larger than the area.
+    """
+    if mesh.dim == 2:
+        return facets
+    corner = mesh.points[facets]
+    opposite = np.linalg.norm(corner[:, [2, 0, 1]] - corner[:, [1, 2, 0]], axis=2)
+    first = opposite.argmax(axis=1)
+    return np.take_along_axis(facets, (first[:, None] + np.arange(3)) % 3, axis=1)
 
 
 def _call(function: Callable[..., Any], table: Any) -> None:

@@ -1,0 +1,10 @@
+"""Every promise of a backend, checked by dacore's own suite."""
+
+import pytest
+
+from dacore.testing import backend_suite
+from dacore_mfem.backend import MfemBackend
+
+pytest.importorskip("mfem")
+
+test_backend = backend_suite(MfemBackend()).as_test()
