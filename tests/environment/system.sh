@@ -17,31 +17,37 @@ fail() {
 # Empty if the system has all that is needed, else what is wrong. -I: only the system's own packages count.
 lacking() {
     [ -x "$PYTHON" ] || { echo "there is no $PYTHON"; return; }
-    "$PYTHON" -I - 2>/dev/null <<'PROBE' || echo "$PYTHON ended without an answer"
+    # MPI ends the process by itself if it cannot start, so that no exception tells of it.
+    answer=$("$PYTHON" -I -c "$PROBE" 2>&1) || {
+        echo "$PYTHON ended while it imported DOLFINx ($(printf '%s\n' "$answer" | grep . | tail -n 1))"
+        return
+    }
+    case $answer in *"lacking: "*) echo "${answer##*lacking: }" ;; esac
+}
+
+PROBE='
 import importlib, sys
 
 def lacking():
+    if sys.version_info < (3, 11):
+        version = "%d.%d" % sys.version_info[:2]
+        return "%s is Python %s, dacore needs 3.11 or newer: Debian 12, Ubuntu 24.04 or later" % (sys.executable, version)
     for name in ("ensurepip", "venv", "numpy", "petsc4py.PETSc", "dolfinx"):
         try:
             importlib.import_module(name)
         except BaseException as error:
-            return f"{sys.executable} cannot import {name} ({type(error).__name__}: {' '.join(str(error).split())})"
-    try:
-        with open("/proc/self/maps") as stream:
-            loaded = stream.read()
-    except OSError:
-        return ""
-    # Debian's libblas3 is the reference BLAS: ten times slower under PETSc's direct solvers.
+            reason = " ".join(str(error).split())
+            return "%s cannot import %s (%s: %s)" % (sys.executable, name, type(error).__name__, reason)
+    with open("/proc/self/maps") as stream:
+        loaded = stream.read()
+    # The default libblas3 of Debian is the reference BLAS: ten times slower under PETSc's direct solvers.
     if not any(name in loaded for name in ("openblas", "mkl", "blis")):
         return "PETSc sits on the reference BLAS"
-    return ""
 
-if sys.version_info < (3, 11):
-    print("%s is Python %d.%d, dacore needs 3.11 or newer: Debian 12, Ubuntu 24.04 or later" % ((sys.executable,) + sys.version_info[:2]))
-else:
-    print(lacking(), end="")
-PROBE
-}
+reason = lacking()
+if reason:
+    print("lacking:", reason)
+'
 
 missing=$(lacking)
 [ -n "$missing" ] || exit 0

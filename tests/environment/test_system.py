@@ -22,7 +22,7 @@ class Machine:
         self.calls = folder / "calls"
         for name in NEEDED:
             (folder / name).symlink_to(shutil.which(name))
-        self.tool("python3", f'[ -e {folder}/installed ] || echo "{LACKS}"')
+        self.tool("python3", f'[ -e {folder}/installed ] || echo "lacking: {LACKS}"')
         self.tool("id", "echo 0")
 
     def tool(self, name: str, script: str) -> None:
@@ -109,10 +109,23 @@ def test_no_system_python_and_no_apt(machine):
 
 
 def test_python_too_old_is_not_mended_by_packages(machine):
-    machine.tool("python3", 'echo "/usr/bin/python3 is Python 3.10, dacore needs 3.11 or newer"')
+    machine.tool("python3", 'echo "lacking: /usr/bin/python3 is Python 3.10, dacore needs 3.11 or newer"')
     machine.apt("exit 1")
     assert "is Python 3.10" in refused(machine.run())
     assert machine.apt_calls() == []
+
+
+def test_an_import_that_ends_the_process_is_quoted(machine):
+    """MPI does so if it cannot start; a warning before it is not the reason."""
+    machine.tool("python3", 'echo "a warning" >&2\necho "Local abort before MPI_INIT completed" >&2\necho >&2\nexit 1')
+    line = refused(machine.run())
+    assert "python3 ended while it imported DOLFINx (Local abort before MPI_INIT completed), and there is no" in line
+
+
+def test_a_warning_is_no_problem(machine):
+    machine.tool("python3", 'echo "a warning" >&2')
+    done = machine.run()
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
 def test_apt_fails(machine):
