@@ -40,7 +40,7 @@ def lacking():
             return "%s cannot import %s (%s: %s)" % (sys.executable, name, type(error).__name__, reason)
     with open("/proc/self/maps") as stream:
         loaded = stream.read()
-    # The default libblas3 of Debian is the reference BLAS: ten times slower under PETSc's direct solvers.
+    # The default libblas3 of Debian is the reference BLAS: ten times slower in direct solves.
     if not any(name in loaded for name in ("openblas", "mkl", "blis")):
         return "PETSc sits on the reference BLAS"
 
