@@ -8,9 +8,15 @@ from pathlib import Path
 
 import pytest
 
+from dacore.plugins.registry import load
+
 ROOT = Path(__file__).resolve().parents[2]
 IMPORTED_AS = {"scikit-fem": "skfem"}
-WITH = {"pydantic": {"pydantic_core"}}
+# What comes with a package as a matter of course; DOLFINx cannot be had without the rest of FEniCS, PETSc and MPI.
+WITH = {
+    "pydantic": {"pydantic_core"},
+    "dolfinx": {"basix", "cffi", "ffcx", "mpi4py", "petsc4py", "ufl"},
+}
 DISTRIBUTIONS = {".": "dacore"} | {f"plugins/{path.name}": "src" for path in sorted((ROOT / "plugins").iterdir())}
 
 
@@ -18,8 +24,14 @@ def declared(folder):
     project = tomllib.loads((ROOT / folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = [line for lines in project.get("optional-dependencies", {}).values() for line in lines]
     names = {re.match(r"[A-Za-z0-9_.-]+", line)[0] for line in [*project["dependencies"], *extras]}
-    modules = {IMPORTED_AS.get(name, name.replace("-", "_")) for name in names}
-    return modules | {more for name in names for more in WITH.get(name, ())}
+    modules = {IMPORTED_AS.get(name, name.replace("-", "_")) for name in names} | required(project["name"])
+    return modules | {more for name in modules for more in WITH.get(name, ())}
+
+
+def required(distribution):
+    """What its plugins say they need: a library that pip cannot install stands there only."""
+    own = (each.spec for each in load().declarations if each.source.distribution == distribution)
+    return {module.partition(".")[0] for spec in own for module in spec.requires}
 
 
 def imported(source):
