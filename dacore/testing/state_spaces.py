@@ -78,7 +78,7 @@ def products_are_inner_products(case: Space) -> None:
 
 
 def products_stay(case: Space) -> None:
-    """Products are the same each time, and a caller who changes one changes nothing for others."""
+    """Products are the same each time they are asked for."""
     for each in case.space.fields:
         for kind in KINDS:
             first = case.space.scalar_product(each.name, kind).toarray()

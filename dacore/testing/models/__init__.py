@@ -18,6 +18,7 @@ def model_suite(
     mesh: Callable[[], Mesh] | None = None,
     grid: TimeGrid | None = None,
     backend: Backend | None = None,
+    affine_in: tuple[str, ...] = (),
 ) -> Suite:
     """Make every check of a physics, with one choice of its settings; those of an affine model if it builds one.
 
@@ -30,10 +31,12 @@ def model_suite(
         Of an affine model, which is marched in time; a few steps of 0.5 ms by default.
     backend : Backend, optional
         By default `dacore.testing.spaces.ReferenceBackend`, which needs no library.
+    affine_in : tuple of str
+        Parameters in which the trajectory is claimed to be affine: amplitudes of loads.
 
     Returns
     -------
     Suite
     """
-    stand = Stand(physics, mesh, grid or TimeGrid(5e-4, 4), backend or ReferenceBackend())
+    stand = Stand(physics, mesh, grid or TimeGrid(5e-4, 4), backend or ReferenceBackend(), affine_in)
     return Suite((*bind(settings.CHECKS, physics), *bind((*forward.CHECKS, *affine.CHECKS), stand)))

@@ -8,7 +8,6 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dacore.core.model import AffineModel, AffineTerm
-from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.newmark import Newmark
 from dacore.dynamics.system import StepSystem
 from dacore.errors import DacoreError
@@ -131,61 +130,14 @@ def steps_are_symmetric(stand: Stand) -> None:
                     )
 
 
-def loads_superpose(stand: Stand) -> None:
-    """The trajectory is the sum of what each load causes alone times its amplitude."""
-    model = stand.affine
-    if model is None:
-        return
-    marched = MarchedModel(model, stand.grid, tolerance=1e-12)
-    for theta in stand.some(2):
-        whole = marched.solve(theta).states
-        parts = marched.responses(stand.at() | _material(model, theta)).superpose(model.amplitudes(theta)).states
-        for each in model.space.fields:
-            rows = model.space.layout.block(each.name)
-            size = float(np.abs(whole[rows]).max()) or 1.0
-            off = float(np.abs(whole[rows] - parts[rows]).max()) / size
-            require(
-                off < 1e-6,
-                f"{stand.name}: {each.name} differs by {off:.1e} from the superposition of its loads; an amplitude's "
-                "parameter must be in no coefficient",
-            )
-
-
-def prescribed_values_are_held(stand: Stand) -> None:
-    """Constrained dofs have the values that the loads prescribe, at every recorded time."""
-    model = stand.affine
-    if model is None:
-        return
-    theta = stand.at()
-    states = stand.forward.solve(theta).states[model.constrained]
-    want = np.zeros_like(states)
-    for load in model.loads:
-        factors = load.amplitude(theta) * np.asarray(load.profile(stand.grid.times))
-        want += np.outer(load.prescribed[model.constrained], factors)
-    off = float(np.abs(states - want).max(initial=0.0))
-    size = float(np.abs(want).max(initial=0.0)) or 1.0
-    require(off < 1e-12 * size, f"{stand.name}: constrained dofs are off by {off:.1e} from what the loads prescribe")
-
-
 CHECKS = (
     terms_are_matrices, coefficients_are_functions, matrices_are_free_of_parameters, profiles_are_functions_of_time,
-    flags_fit, steps_are_symmetric, loads_superpose, prescribed_values_are_held,
+    flags_fit, steps_are_symmetric,
 )  # fmt: skip
 
 
 def _terms(model: AffineModel) -> tuple[AffineTerm, ...]:
     return (*model.second_order, *model.first_order, *model.zeroth_order)
-
-
-def _material(model: AffineModel, theta: dict[str, float]) -> dict[str, float]:
-    """The parameters that a coefficient depends on, at `theta`."""
-    seen = {}
-    for name, value in theta.items():
-        middle = {p.name: float(p.quantile(np.array(0.5))) for p in model.parameters.parameters}
-        moved = middle | {name: value}
-        if any(term.coefficient(moved) != term.coefficient(middle) for term in _terms(model)):
-            seen[name] = value
-    return seen
 
 
 def _short(theta: dict[str, float]) -> str:

@@ -83,6 +83,22 @@ def every_free_parameter_matters(stand: Stand) -> None:
         require(off > 0.0, f"{stand.name}: the parameter {parameter.name} changes nothing")
 
 
+def affine_in_its_loads(stand: Stand) -> None:
+    """Where it is claimed of a parameter: the trajectory is affine in it, others fixed."""
+    for name in stand.affine_in:
+        parameter = stand.forward.parameters[name]
+        low = parameter.low
+        high = parameter.high if not parameter.fixed else low + max(1.0, abs(low))
+        theta = stand.at()
+        ends = [stand.forward.solve(theta | {name: value}).states for value in (low, high)]
+        for share in (0.25, 0.7):
+            given = stand.forward.solve(theta | {name: low + share * (high - low)}).states
+            off = _gap(stand, given, (1 - share) * ends[0] + share * ends[1])
+            require(
+                off < 1e-6, f"{stand.name}: the trajectory is not affine in {name}, off by {off:.1e} between two values"
+            )
+
+
 def models_can_be_pickled(stand: Stand) -> None:
     """The model can be pickled to worker processes, before and after use, and the copy solves alike."""
     theta = stand.at()
@@ -112,20 +128,20 @@ def built_the_same_again(stand: Stand) -> None:
 
 CHECKS = (
     builds_a_model, times_stay, trajectories_fit_the_space, the_same_again, parameters_stay,
-    every_free_parameter_matters, models_can_be_pickled, built_the_same_again,
+    every_free_parameter_matters, affine_in_its_loads, models_can_be_pickled, built_the_same_again,
 )  # fmt: skip
 
 
 def _gap(stand: Stand, given: Array, want: Array) -> float:
-    """Largest difference of any field as a part of that field's largest value."""
-    if given.shape != want.shape:
+    """Largest difference of any field as a part of that field's largest value; infinite for NaN."""
+    if given.shape != want.shape or not np.isfinite(given).all():
         return float("inf")
     worst = 0.0
     for each in stand.forward.space.fields:
         rows = stand.forward.space.layout.block(each.name)
         size = float(np.abs(want[rows]).max()) or 1.0
         worst = max(worst, float(np.abs(given[rows] - want[rows]).max()) / size)
-    return worst if np.isfinite(worst) else float("inf")
+    return worst
 
 
 def _changed(before: dict[str, float], after: dict[str, float]) -> str:

@@ -27,12 +27,15 @@ class Stand:
     grid : TimeGrid
         For an affine model, which is marched.
     backend : Backend
+    affine_in : tuple of str
+        Parameters in which the trajectory is claimed to be affine.
     """
 
     physics: Physics
     mesh: Callable[[], Mesh] | None = field(repr=False)
     grid: TimeGrid
     backend: Backend = field(default_factory=ReferenceBackend)
+    affine_in: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
