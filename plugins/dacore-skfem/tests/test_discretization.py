@@ -1,12 +1,12 @@
-"""What a discretisation is besides its integrals: order of dofs, laziness, evaluation, errors."""
+"""What is scikit-fem's own: how forms are assembled and at what cost. The contract is in test_backend.py."""
 
 import numpy as np
 import pytest
 import skfem
 
 from dacore.core.fields import Field
-from dacore.core.mesh import Mesh
 from dacore.errors import CapabilityError, MeshError, ShapeError
+from dacore.testing.meshes import shuffled_box
 from dacore_skfem import integrals
 from dacore_skfem.backend import SkfemBackend
 
@@ -30,49 +30,9 @@ def every_form(disc):
 
 def test_backend_knows_its_version():
     assert SkfemBackend().version() == skfem.__version__
-    assert SkfemBackend.name == "skfem"
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-def test_forms_are_sorted_matrices_of_the_layouts_shape(shuffled_box, dim):
-    disc = biot(shuffled_box(dim, n=2))
-    n_p, n_u = disc.layout.nodes["p"], disc.layout.nodes["u"] * dim
-    shapes = {
-        "mass": (n_p, n_p), "stiffness": (n_p, n_p), "boundary mass": (n_p, n_p), "strain": (n_u, n_u),
-        "divergence": (n_u, n_u), "gradient": (n_u, n_p), "coupling": (n_p, n_u), "boundary coupling": (n_u, n_p),
-    }  # fmt: skip
-    for name, form in every_form(disc).items():
-        assert form.shape == shapes[name], name
-        copy = form.copy()
-        copy.sum_duplicates()
-        np.testing.assert_array_equal(copy.indices, form.indices, err_msg=name)
-        assert form.indices.dtype == np.int32, name
-
-
-@pytest.mark.parametrize(("dim", "order_u", "order_p"), [(2, 2, 1), (3, 2, 1), (3, 1, 2)])
-def test_renumbering_the_mesh_permutes_the_forms(shuffled_box, dim, order_u, order_p):
-    mesh = shuffled_box(dim, n=2, seed=3, bumpy=True)
-    rng = np.random.default_rng(4)
-    number = rng.permutation(len(mesh.points))
-    points = mesh.points[np.argsort(number)]
-    turned = np.roll(mesh.cells, 1, axis=1) if dim == 2 else mesh.cells[:, [1, 2, 0, 3]]
-    shuffle = rng.permutation(len(turned))
-    other = Mesh(points, number[turned[shuffle]], number[mesh.facets[:, ::-1]], mesh.facet_tags, mesh.roles)
-
-    def match(order):
-        rows = {tuple(x): k for k, x in enumerate(np.round(other.nodes(order), 9).tolist())}
-        return np.array([rows[tuple(x)] for x in np.round(mesh.nodes(order), 9).tolist()])
-
-    to_p, scalar_u = match(order_p), match(order_u)
-    to_u = np.concatenate([c * len(scalar_u) + scalar_u for c in range(dim)])
-    ours, theirs = every_form(biot(mesh, order_u, order_p)), every_form(biot(other, order_u, order_p))
-    where = {len(to_p): to_p, len(to_u): to_u}
-    for name, form in ours.items():
-        moved = theirs[name][where[form.shape[0]]][:, where[form.shape[1]]]
-        assert abs(form - moved).max() < 1e-14, name
-
-
-def test_results_do_not_depend_on_how_many_cells_are_integrated_at_once(shuffled_box, monkeypatch):
+def test_results_do_not_depend_on_how_many_cells_are_integrated_at_once(monkeypatch):
     mesh = shuffled_box(3, n=2, seed=6)
     whole = every_form(biot(mesh))
     monkeypatch.setattr(integrals, "CHUNK", 7)
@@ -80,7 +40,7 @@ def test_results_do_not_depend_on_how_many_cells_are_integrated_at_once(shuffled
         assert abs(form - whole[name]).max() < 1e-15, name
 
 
-def test_only_what_is_asked_for_is_assembled_and_only_once(shuffled_box, monkeypatch):
+def test_only_what_is_asked_for_is_assembled_and_only_once(monkeypatch):
     calls = []
     original = skfem.BilinearForm.coo_data
     monkeypatch.setattr(
@@ -104,40 +64,7 @@ def test_only_what_is_asked_for_is_assembled_and_only_once(shuffled_box, monkeyp
     assert disc.strain("u") is disc.strain("u")
 
 
-def test_forms_do_not_share_memory(shuffled_box):
-    disc = biot(shuffled_box(2, n=2), order_u=1)
-    forms = list(every_form(disc).values())
-    for k, one in enumerate(forms):
-        for other in forms[:k]:
-            assert not np.shares_memory(one.data, other.data)
-            assert not np.shares_memory(one.indices, other.indices)
-
-
-@pytest.mark.parametrize(("dim", "order"), [(2, 1), (2, 2), (3, 1), (3, 2)])
-def test_evaluation_reproduces_polynomials_and_their_derivatives(shuffled_box, dim, order):
-    mesh = shuffled_box(dim, n=3, seed=8)
-    disc = biot(mesh, order_u=order)
-    rng = np.random.default_rng(9)
-    a, b = rng.normal(size=dim), rng.normal(size=(dim, dim)) * (order == 2)
-    x = np.concatenate([rng.uniform(size=(200, dim)), mesh.points, mesh.points[mesh.facets].mean(axis=1)])
-    nodes = mesh.nodes(order)
-    values = 1.0 + nodes @ a + np.einsum("pi,ij,pj->p", nodes, b, nodes)
-    matrix = disc.evaluation(x, "u")
-    assert matrix.shape == (len(x), len(nodes))
-    np.testing.assert_allclose(matrix @ values, 1.0 + x @ a + np.einsum("pi,ij,pj->p", x, b, x), atol=1e-12)
-    np.testing.assert_allclose(matrix.sum(axis=1), 1.0, atol=1e-12)
-    for axis in range(dim):
-        slope = disc.evaluation(x, "u", axis) @ values
-        np.testing.assert_allclose(slope, a[axis] + x @ (b + b.T)[axis], atol=1e-11)
-
-
-def test_evaluation_at_the_nodes_is_the_identity(shuffled_box):
-    mesh = shuffled_box(3, n=2, seed=10)
-    matrix = biot(mesh).evaluation(mesh.nodes(2), "u")
-    assert abs(matrix - np.eye(len(mesh.nodes(2)))).max() < 1e-13
-
-
-def test_errors_name_what_was_given(shuffled_box):
+def test_errors_name_what_was_given():
     mesh = shuffled_box(2, n=2)
     disc = biot(mesh)
     for ask in (disc.strain, disc.divergence):
@@ -169,7 +96,7 @@ def test_local_nodes_are_matched_by_place_whatever_scikit_fems_order(monkeypatch
     np.testing.assert_array_equal(order, integrals.local_order(2, 2)[::-1])
 
 
-def test_a_surface_costs_only_its_own_cells(shuffled_box):
+def test_a_surface_costs_only_its_own_cells():
     mesh = shuffled_box(3, n=6)
     surface = integrals.FacetIntegrals(mesh, "left")
     assert surface._skfem.nelements == len(mesh.boundary_facets("left"))

@@ -5,6 +5,7 @@ import pytest
 from scipy.sparse.linalg import spsolve
 
 from dacore.core.fields import Field
+from dacore.testing.meshes import shuffled_box
 from dacore_skfem.backend import SkfemBackend
 
 MESHES = {2: (6, 12, 24), 3: (3, 6, 12)}
@@ -28,7 +29,7 @@ def rms(values):
 
 
 @pytest.mark.parametrize(("dim", "order"), [(2, 1), (2, 2), (3, 1), (3, 2)])
-def test_interpolation(shuffled_box, dim, order):
+def test_interpolation(dim, order):
     x = np.random.default_rng(0).uniform(size=(2000, dim))
     values, slopes = [], []
     for n in MESHES[dim]:
@@ -42,7 +43,7 @@ def test_interpolation(shuffled_box, dim, order):
 
 
 @pytest.mark.parametrize(("dim", "order"), [(2, 1), (2, 2), (3, 1), pytest.param(3, 2, marks=pytest.mark.slow)])
-def test_poisson_with_held_and_free_boundary(shuffled_box, dim, order):
+def test_poisson_with_held_and_free_boundary(dim, order):
     """−Δp = f, p given on "left" and "side", its normal derivative on "right"."""
     x = np.random.default_rng(0).uniform(size=(2000, dim))
     errors = []
@@ -62,7 +63,7 @@ def test_poisson_with_held_and_free_boundary(shuffled_box, dim, order):
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_elasticity_with_tractions(shuffled_box, order):
+def test_elasticity_with_tractions(order):
     """2μ ε + λ div I with all tractions given but on "left": the weak form a model builds of these blocks."""
     mu, lam = 1.3, 0.7
     x = np.random.default_rng(0).uniform(size=(2000, 2))
