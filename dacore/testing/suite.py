@@ -98,6 +98,9 @@ class Suite:
     def __len__(self) -> int:
         return len(self.cases)
 
+    def __contains__(self, case: object) -> bool:
+        return case in self.cases
+
     def __add__(self, other: "Suite") -> "Suite":
         """Both suites in one; names must still be different."""
         return Suite((*self.cases, *other.cases))

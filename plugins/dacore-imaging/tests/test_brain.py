@@ -76,12 +76,6 @@ def test_neck_height_sorts_the_outer_facets_only(brain):
     assert areas(higher)["ventricles"] == areas(brain)["ventricles"]
 
 
-def test_same_settings_same_mesh_bit_for_bit(brain):
-    again = Brain().mesh()
-    for name in ("points", "cells", "facets", "facet_tags"):
-        assert getattr(again, name).tobytes() == getattr(brain, name).tobytes()
-
-
 def test_laplace_equation_keeps_its_maximum_principle_and_balance(brain):
     gradients, volumes = barycentric_gradients(brain.points, brain.cells)
     local = np.einsum("cia,cja,c->cij", gradients, gradients, volumes)

@@ -5,12 +5,13 @@ import pytest
 
 from dacore.errors import CapabilityError, SceneError, ShapeError
 from dacore.plugins.settings import build
+from dacore.testing.spaces import without
 from dacore_imaging.quantities import BoundaryMean, VolumeMean
 
 
-def test_mean_over_a_boundary(boundary_space):
+def test_mean_over_a_boundary(make_space):
     # A face of the cube: the mean of a linear function is its value at the face's middle.
-    space = boundary_space(n=3, lengths=3.0)
+    space = make_space(n=3, lengths=3.0)
     found = BoundaryMean(role="left").functionals(space)
     assert found.count == 1
     assert found.labels == ("mean of p over left",)
@@ -20,8 +21,8 @@ def test_mean_over_a_boundary(boundary_space):
     assert not found.directions.any()
 
 
-def test_one_component_of_a_vector(boundary_space):
-    space = boundary_space(dim=2, n=3, lengths=3.0)
+def test_one_component_of_a_vector(make_space):
+    space = make_space(dim=2, n=3, lengths=3.0)
     found = BoundaryMean(role="left", field="u", component=1).functionals(space)
     assert found.labels == ("mean of u_y over left",)
     np.testing.assert_array_equal(found.directions, [[0.0, 1.0]])
@@ -49,16 +50,16 @@ def test_over_time(quantity):
     np.testing.assert_array_equal(each.time_weights(3), np.eye(3))
 
 
-def test_what_a_space_lacks_is_refused(make_space, point_space, boundary_space):
+def test_what_a_space_lacks_is_refused(make_space, point_space):
     with pytest.raises(CapabilityError, match="no boundary"):
-        BoundaryMean(role="left").functionals(make_space())
+        BoundaryMean(role="left").functionals(without(make_space(), "boundary"))
     with pytest.raises(CapabilityError, match="no cells"):
         VolumeMean().functionals(point_space())
     with pytest.raises(CapabilityError, match="'q'"):
-        BoundaryMean(role="left", field="q").functionals(boundary_space())
+        BoundaryMean(role="left", field="q").functionals(make_space())
     for quantity in (BoundaryMean(role="left", component=1), VolumeMean(component=1)):
         with pytest.raises(ShapeError, match="component of p: got 1"):
-            quantity.functionals(boundary_space())
+            quantity.functionals(make_space())
 
 
 @pytest.mark.parametrize("kind", [BoundaryMean, VolumeMean])
