@@ -1,6 +1,5 @@
 """The model of the brain: boundary conditions, loads, parameters, and motions on a small head."""
 
-import pickle
 from dataclasses import replace
 from itertools import product
 
@@ -140,20 +139,6 @@ def test_meshes_that_do_not_fit_are_refused(head, on):
         Biot(pulse_axis=2).build(on(head(2)))
 
 
-@pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("scheme", [Newmark(), Newmark(0.25, 0.5, "newmark")])
-def test_step_is_symmetric_and_quasi_definite(head, on, order, scheme):
-    model = Biot(displacement_order=order).build(on(head(2)))
-    system = StepSystem(model, scheme, GRID.step)
-    matrix = system.at(middle(model)).matrix.toarray()
-    scale = 1 / np.sqrt(np.abs(np.diag(matrix)))
-    matrix = scale[:, None] * matrix * scale
-    assert np.abs(matrix - matrix.T).max() < 1e-12
-    definite = system.definite
-    assert np.linalg.eigvalsh(matrix[np.ix_(definite, definite)]).min() > 0
-    assert np.linalg.eigvalsh(matrix[np.ix_(~definite, ~definite)]).max() < 0
-
-
 @pytest.mark.parametrize("pressure", ["none", "csf"])
 def test_direct_solve_equals_superposition_for_every_ventricular_pressure(head, on, pressure):
     model = MarchedModel(Biot(pressure_on_neck=pressure).build(on(head())), GRID)
@@ -215,10 +200,3 @@ def test_corners_of_the_ranges_and_beyond_are_solved(head, on):
         scale = 1 / np.sqrt(np.abs(step.matrix.diagonal()))
         residual = scale * (step.matrix @ states[system.free, 0] - right[:, 0])
         assert np.linalg.norm(residual) < 1.1e-10 * np.linalg.norm(scale * right[:, 0]), change
-
-
-def test_settings_and_models_can_be_pickled(head, on):
-    assert pickle.loads(pickle.dumps(Biot(frequency=25.0))) == Biot(frequency=25.0)
-    model = MarchedModel(Biot().build(on(head())), replace(GRID, steps=2))
-    copy = pickle.loads(pickle.dumps(model))
-    np.testing.assert_array_equal(copy.solve(middle(model)).states, model.solve(middle(model)).states)
