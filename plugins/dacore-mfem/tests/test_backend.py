@@ -1,4 +1,4 @@
-"""Every promise of a backend, checked by dacore's own suite."""
+"""MFEM keeps every promise of a backend."""
 
 import pytest
 

@@ -2,7 +2,7 @@
 
 from dacore.plugins import PluginSpec, hookimpl
 
-_INSTALL = "pip install mfem (where numpy must stay below 2: pip install --no-deps mfem==4.10.0.1)"
+_INSTALL = "pip install mfem (beside a numpy below 2.4: pip install --no-deps mfem==4.10.0.1)"
 
 
 @hookimpl

@@ -96,7 +96,7 @@ class MfemAssembler(Assembler):
         """Values or one partial derivative of the basis functions at points: (p, n)."""
         cells, barycentric = self._locator.locate(points)
         if order not in self._shapes:
-            self._shapes[order] = Shapes(self._mfem.space(order).element, self.mesh.dim, order)
+            self._shapes[order] = Shapes(self._mfem.space(order))
         shapes, reference = self._shapes[order], barycentric[:, 1:]
         if derivative is None:
             values = shapes.values(reference)

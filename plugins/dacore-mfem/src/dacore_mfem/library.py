@@ -73,6 +73,7 @@ def to_native(matrix: Sparse) -> Any:
     """MFEM's matrix on a copy of the arrays of another, which it keeps alive."""
     arrays = (matrix.data.astype(np.float64), matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32))
     copy = csr_matrix(arrays, shape=matrix.shape)
-    # PyMFEM takes an array that owns its memory away from numpy, and nobody frees it; a view is left alone.
+    # PyMFEM takes an array that owns its memory away from numpy, and nobody frees it; a view is left alone,
+    # which is what scipy may or may not have made of it.
     copy.data = copy.data[:]
     return mfem.SparseMatrix(copy)

@@ -13,6 +13,7 @@ from dacore.core.arrays import Array, IntArray
 from dacore.core.mesh import Mesh
 from dacore.core.simplex import barycentric_gradients, local_edges
 from dacore_mfem.library import mfem
+from dacore_mfem.spaces import Space
 
 
 class Shapes:
@@ -20,9 +21,7 @@ class Shapes:
 
     Parameters
     ----------
-    element
-        MFEM's nodal element on a simplex.
-    dim, order : int
+    space : Space
 
     Attributes
     ----------
@@ -30,8 +29,9 @@ class Shapes:
         For each of MFEM's local nodes, its local number in dacore's order.
     """
 
-    def __init__(self, element: Any, dim: int, order: int) -> None:
-        self.dim, self.order = dim, order
+    def __init__(self, space: Space) -> None:
+        self.dim, self.order = dim, order = space.dim, space.order
+        element = space.scalar.GetFE(0)  # the same on all cells, and alive as long as the space
         self.local = _local_order(element, dim)
         # Points inside the cell, none of them a node: values there are no zeros and ones by construction.
         lattice = _powers(dim, order)
@@ -40,7 +40,7 @@ class Shapes:
         shape, gradient = mfem.Vector(len(self.local)), mfem.DenseMatrix(len(self.local), dim)
         where = mfem.IntegrationPoint()
         for k, point in enumerate(points.tolist()):
-            where.Set(point, 0.0) if dim == 1 else where.Set3(*point, *[0.0] * (3 - dim))
+            where.Set3(*point, *[0.0] * (3 - dim))
             element.CalcShape(where, shape)
             element.CalcDShape(where, gradient)
             values[k], slopes[k] = shape.GetDataArray(), gradient.GetDataArray()

@@ -70,12 +70,13 @@ class Space:
 
     Attributes
     ----------
+    dim, order : int
     scalar
-        MFEM's space.
+        MFEM's space. What it hands out, such as an element, dies with it.
     """
 
     def __init__(self, mesh: Mesh, native: Any, order: int) -> None:
-        self._mesh, self._native, self._order = mesh, native, order
+        self._mesh, self._native, self.dim, self.order = mesh, native, mesh.dim, order
         # Nodal at equally spaced points: vertices and edge midpoints. There P2 has one dof an edge, so none has a sign.
         self._collection = mfem.H1_FECollection(order, mesh.dim, mfem.BasisType.ClosedUniform)
         self.scalar = mfem.FiniteElementSpace(native, self._collection)
@@ -89,17 +90,12 @@ class Space:
     @cached_property
     def vector(self) -> Any:
         """MFEM's space of vectors, dofs component by component."""
-        return mfem.FiniteElementSpace(self._native, self._collection, self._mesh.dim, mfem.Ordering.byNODES)
+        return mfem.FiniteElementSpace(self._native, self._collection, self.dim, mfem.Ordering.byNODES)
 
     @property
     def geometry(self) -> int:
         """MFEM's name of the cells' shape."""
-        return int(mfem.Geometry.TRIANGLE if self._mesh.dim == 2 else mfem.Geometry.TETRAHEDRON)
-
-    @cached_property
-    def element(self) -> Any:
-        """MFEM's element, the same on all cells."""
-        return self.scalar.GetFE(0)
+        return int(mfem.Geometry.TRIANGLE if self.dim == 2 else mfem.Geometry.TETRAHEDRON)
 
     @cached_property
     def nodes(self) -> IntArray:
@@ -108,10 +104,10 @@ class Space:
         Vertices keep their numbers. Edges do not; MFEM's own embedding of order 1 in order 2 tells which
         two vertices each one has.
         """
-        if self._order == 1:
+        if self.order == 1:
             return np.arange(len(self._mesh.points))
         n = len(self._mesh.points)
-        linear = mfem.H1_FECollection(1, self._mesh.dim, mfem.BasisType.ClosedUniform)
+        linear = mfem.H1_FECollection(1, self.dim, mfem.BasisType.ClosedUniform)
         coarse = mfem.FiniteElementSpace(self._native, linear)
         form = mfem.DiscreteLinearOperator(coarse, self.scalar)
         form.AddDomainInterpolator(mfem.IdentityInterpolator())
