@@ -14,7 +14,8 @@ from dacore.core.parameters import Parameters, ParameterSpace
 from dacore.core.solver import SolverMethod
 from dacore.core.space import StateSpace
 from dacore.core.timegrid import TimeGrid
-from dacore.dynamics.newmark import Newmark, State
+from dacore.dynamics.newmark import Newmark
+from dacore.dynamics.scheme import Scheme, State, StepRule
 from dacore.dynamics.static import steady_state
 from dacore.dynamics.system import StepSystem, load_profiles
 from dacore.errors import ShapeError
@@ -52,7 +53,8 @@ class MarchedModel(ForwardModel):
     ----------
     model : AffineModel
     grid : TimeGrid
-    scheme : Newmark
+    scheme : Scheme, optional
+        `dacore.dynamics.newmark.Newmark` as published by default.
     start : {"zero", "steady"}
         "zero": y = ẏ = ÿ = 0 at t = 0 on every dof, so that prescribed values jump in the first
         step. "steady": the equilibrium A(θ) y = F under the loads at t = 0.
@@ -72,7 +74,7 @@ class MarchedModel(ForwardModel):
         self,
         model: AffineModel,
         grid: TimeGrid,
-        scheme: Newmark | None = None,
+        scheme: Scheme | None = None,
         start: Start = "zero",
         method: SolverMethod | None = None,
         tolerance: float = 1e-10,
@@ -84,7 +86,7 @@ class MarchedModel(ForwardModel):
             raise ShapeError(f"method: got {method!r}, expected a SolverMethod such as dacore.algebra.solvers.Direct()")
         self.model, self.grid, self.scheme = model, grid, scheme or Newmark()
         self.start, self.method, self.tolerance = start, method or Auto(), tolerance
-        self._system = StepSystem(model, self.scheme, grid.step)
+        self._system = StepSystem(model, self.scheme, float(grid.lengths[-1]))
         self._given = analysis
 
     @cached_property
@@ -183,24 +185,26 @@ class MarchedModel(ForwardModel):
         if self.start == "steady":
             weights = load_profiles(self.model.loads, np.zeros(1)) * amplitudes
             value = steady_state(self.model, parameters, weights, self.method, self.tolerance)
-        else:
-            value = np.zeros((self.space.n_dofs, amplitudes.shape[1]))
-        return self._run(parameters, amplitudes, State.at_rest(value))
+            return self._run(parameters, amplitudes, State.at_rest(value))
+        # Where a load is there at t = 0 already, everything jumps and the rates at t = 0 are not known.
+        jump = load_profiles(self.model.loads, np.zeros(1)).any()
+        value = np.zeros((self.space.n_dofs, amplitudes.shape[1]))
+        return self._run(parameters, amplitudes, State.at_rest(value, lag=np.inf if jump else 0.0))
 
     def _run(self, parameters: Parameters, amplitudes: Array, state: State) -> Array:
         """March k motions with load amplitudes (n_loads, k): states (k, n_dofs, t)."""
         system, grid = self._system, self.grid
-        step = system.at(parameters)
-        solver = self.method.prepare(step.matrix, system.definite, self.tolerance, self.analysis)
-        count = grid.spin_up + grid.steps
-        profiles = load_profiles(self.model.loads, grid.step * np.arange(1.0, count + 1.0))
+        times = np.concatenate([[0.0], grid.ends])
+        profiles = load_profiles(self.model.loads, times)[:, :, None] * amplitudes[:, None, :]
         recorded = np.empty((amplitudes.shape[1], self.space.n_dofs, grid.steps))
-        for k in range(count):
-            weights = profiles[:, k, None] * amplitudes
-            value = np.empty_like(state.value)
-            value[system.constrained] = system.prescribed @ weights
-            value[system.free] = solver.solve(step.right_side(state, weights))
-            state = self.scheme.advance(state, value, grid.step)
-            if k >= grid.spin_up:
-                recorded[:, :, k - grid.spin_up] = value.T
+        rule: StepRule | None = None
+        done = 0
+        for k, (length, keep) in enumerate(zip(grid.lengths.tolist(), grid.recorded, strict=True)):
+            if (new := self.scheme.rule(state, length)) != rule:
+                rule, step = new, system.at(parameters, new)
+                solver = self.method.prepare(step.matrix, system.definite, self.tolerance, self.analysis)
+            state = step.take(solver, state, profiles[:, k + 1], profiles[:, k], length)
+            if keep:
+                recorded[:, :, done] = state.value.T
+                done += 1
         return recorded

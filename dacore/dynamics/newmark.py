@@ -7,49 +7,33 @@ With τ the step, the updates are (Newmark 1959)::
 
 Both are affine in y₁, so that ``ÿ₁ = a y₁ − h`` and ``ẏ₁ = c y₁ − g`` with histories h and g that
 depend on the old state alone, and a step solves ``(a M + c C + A) y₁ = F₁ + M h + C g``.
+
+Stability. For ``m ẍ + d ẋ + k x = 0`` let D = dτ/m, Ω = kτ²/m, q₁ = 2γ − 1, q₂ = 4β − 2γ. The factors z per step are
+the roots, through z = (1 + s)/(1 − s), of polynomials with the coefficients, from the highest power,
+
+    4 + 2D q₁ + Ω q₂,   2D + Ω q₁,   Ω                                        for the rule "newmark"
+    4 + T q₂,   4 + T q₁ + Ω q₂,   T + Ω q₁,   Ω,   with T = 2D + Ω,           for "backward_euler"
+
+By Hurwitz's criterion all lie in Re s ≤ 0 if q₁ ≥ 0 and q₂ ≥ 0: for the second,
+``(4 + T q₁ + Ω q₂)(T + Ω q₁) − (4 + T q₂) Ω = 8D + 4Ω q₁ + T² q₁ + TΩ q₁² + Ω² q₁ q₂ ≥ 0``. If q₂ < 0, some coefficient
+is negative for large Ω or D; if q₁ < 0, the criterion fails for D = 0. So 2β ≥ γ ≥ 1/2 is necessary and
+sufficient with either rule, and by the argument of `dacore.dynamics.scheme` for the coupled system too.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from dacore.core.arrays import Array
+from dacore.dynamics.scheme import Scheme, State, StepRule
 from dacore.errors import ShapeError, UnstableError
 
 FirstOrder = Literal["backward_euler", "newmark"]
 
 
-@dataclass(frozen=True, eq=False)
-class State:
-    """What a step needs to know of the past.
-
-    Parameters
-    ----------
-    value, rate, acceleration : (n_dofs, k) arrays
-        y, ẏ and ÿ of k motions.
-    """
-
-    value: Array
-    rate: Array
-    acceleration: Array
-
-    def __post_init__(self) -> None:
-        shape = self.value.shape
-        if len(shape) != 2 or self.rate.shape != shape or self.acceleration.shape != shape:
-            raise ShapeError(
-                f"state: got value {shape}, rate {self.rate.shape}, acceleration {self.acceleration.shape}, "
-                "expected three arrays of one shape (n_dofs, k)"
-            )
-
-    @classmethod
-    def at_rest(cls, value: Array) -> "State":
-        """Return the state `value` (n_dofs, k) without motion."""
-        return cls(value, np.zeros_like(value), np.zeros_like(value))
-
-
 @dataclass(frozen=True)
-class Newmark:
+class Newmark(Scheme):
     """A member of Newmark's family, and how first-order terms take their rate.
 
     Parameters
@@ -66,6 +50,7 @@ class Newmark:
         Outside 2β ≥ γ ≥ 1/2, the region of unconditional stability.
     """
 
+    carried: ClassVar[int] = 3
     beta: float = 0.5
     gamma: float = 1.0
     first_order: FirstOrder = "backward_euler"
@@ -85,6 +70,19 @@ class Newmark:
                 f"Newmark: 2 beta >= gamma fails, 2 beta = {2 * self.beta:g} is {self.gamma - 2 * self.beta:g} below "
                 f"gamma = {self.gamma:g}; raise beta to {self.gamma / 2:g} or more"
             )
+
+    @property
+    def label(self) -> str:
+        """Names and numbers, for captions."""
+        return f"β = {self.beta:g}, γ = {self.gamma:g}, {self.first_order.replace('_', ' ')}"
+
+    def regular(self, step: float) -> StepRule:
+        """Return the rule of a step of `step` seconds."""
+        return StepRule(self.mass_factor(step), self.rate_factor(step))
+
+    def rule(self, old: State, step: float) -> StepRule:
+        """Return the same rule whatever came before."""
+        return self.regular(step)
 
     def mass_factor(self, step: float) -> float:
         """Return a = 1/(βτ²), the factor of M in a step of `step` seconds."""
@@ -113,4 +111,13 @@ class Newmark:
         """Return the state after a step that ended in `value` (n_dofs, k)."""
         acceleration = self.mass_factor(step) * value - self.mass_history(old, step)
         rate = old.rate + step * ((1 - self.gamma) * old.acceleration + self.gamma * acceleration)
+        return State(value, rate, acceleration)
+
+    def parts(self, old: State) -> tuple[Array, ...]:
+        """Return y, ẏ and ÿ."""
+        return old.value, old.rate, old.acceleration
+
+    def joined(self, parts: tuple[Array, ...], step: float) -> State:
+        """Return the state made of y, ẏ and ÿ."""
+        value, rate, acceleration = parts
         return State(value, rate, acceleration)

@@ -8,7 +8,7 @@ from dacore.core.arrays import Array, IntArray, Sparse
 from dacore.core.model import AffineModel, combine
 from dacore.core.parameters import Parameters
 from dacore.core.solver import SolverMethod
-from dacore.dynamics.newmark import State
+from dacore.dynamics.scheme import State
 from dacore.dynamics.system import load_profiles, stack
 from dacore.errors import CapabilityError, ConvergenceError
 

@@ -5,15 +5,17 @@ and what is left on the free dofs is symmetric quasi-definite.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_array, dia_array
 
 from dacore.core.arrays import Array, BoolArray, IntArray, Sparse
-from dacore.core.model import AffineModel, AffineTerm, Load
+from dacore.core.model import AffineModel, Load
 from dacore.core.parameters import Parameters
-from dacore.dynamics.newmark import Newmark, State
+from dacore.core.solver import LinearSolver
 from dacore.dynamics.pattern import PatternSum
+from dacore.dynamics.scheme import Scheme, State, StepRule
 from dacore.errors import AccuracyError, ShapeError
 
 _SYMMETRY_TOLERANCE = 1e-10
@@ -25,8 +27,9 @@ class StepSystem:
     Parameters
     ----------
     model : AffineModel
-    scheme : Newmark
+    scheme : Scheme
     step : float [s]
+        Length of the regular steps.
 
     Attributes
     ----------
@@ -48,7 +51,7 @@ class StepSystem:
         If no dof is free, or an antisymmetric row has mass.
     """
 
-    def __init__(self, model: AffineModel, scheme: Newmark, step: float) -> None:
+    def __init__(self, model: AffineModel, scheme: Scheme, step: float) -> None:
         self.scheme, self.step = scheme, step
         self.free: IntArray = np.flatnonzero(~model.constrained)
         self.constrained: IntArray = np.flatnonzero(model.constrained)
@@ -59,74 +62,100 @@ class StepSystem:
                 raise ShapeError(f"term {term.name}: antisymmetric rows have mass, expected first order in time there")
         self.definite: BoolArray = ~model.antisymmetric[self.free]
         self.prescribed = stack([load.prescribed for load in model.loads], model.space.n_dofs)[self.constrained]
-        scale = np.where(self.definite, 1.0, -1.0 / scheme.rate_factor(step))
-        self._forces = scale[:, None] * stack([load.force for load in model.loads], model.space.n_dofs)[self.free]
-        self._second = _restrict(model.second_order, self.free, scale)
-        self._first = _restrict(model.first_order, self.free, scale)
-        zeroth = _restrict(model.zeroth_order, self.free, scale)
-        self._terms = (*model.second_order, *model.first_order, *model.zeroth_order)
-        self._factors = np.repeat(
-            [scheme.mass_factor(step), scheme.rate_factor(step), 1.0],
-            [len(self._second), len(self._first), len(zeroth)],
-        )
-        rows = [*self._second, *self._first, *zeroth]
-        self._sum = PatternSum([block[:, self.free] for block in rows], (self.free.size, self.free.size))
-        self._lifts = [block[:, self.constrained] @ self.prescribed for block in rows]
+        self.forces = stack([load.force for load in model.loads], model.space.n_dofs)[self.free]
+        self._orders = (model.second_order, model.first_order, model.zeroth_order)
+        second, first, zeroth = ([csr_array(t.matrix[self.free]) for t in terms] for terms in self._orders)
+        self._moving = (second, first)
+        rows, n = [*second, *first, *zeroth], self.free.size
+        self._sum = PatternSum([block[:, self.free] for block in rows], (n, n))
+        self._lift = PatternSum([block[:, self.constrained] for block in rows], (n, self.constrained.size))
         self.middle = {p.name: float(p.quantile(np.array(0.5))) for p in model.parameters.parameters}
         _check_symmetry(self.at(self.middle).matrix, self.definite)
 
-    def at(self, parameters: Parameters) -> "Step":
-        """Return the step for one parameter vector."""
-        coefficients = np.array([term.coefficient(parameters) for term in self._terms])
-        second, first = len(self._second), len(self._first)
-        loads = self._forces.copy()
-        for weight, lift in zip(coefficients * self._factors, self._lifts, strict=True):
-            loads -= weight * lift
+    def at(self, parameters: Parameters, rule: StepRule | None = None) -> "Step":
+        """Return the step for one parameter vector, under the rule of the regular steps or another."""
+        rule = rule or self.scheme.regular(self.step)
+        coefficients = [np.array([t.coefficient(parameters) for t in terms]) for terms in self._orders]
+        factors = np.concatenate(
+            [rule.mass_factor * coefficients[0], rule.rate_factor * coefficients[1], coefficients[2]]
+        )
+        scale = np.where(self.definite, 1.0, -1.0 / rule.rate_factor)
         return Step(
-            self._sum.combine(coefficients * self._factors),
-            loads,
-            tuple(zip(coefficients[:second], self._second, strict=True)),
-            tuple(zip(coefficients[second : second + first], self._first, strict=True)),
-            self.scheme,
-            self.step,
+            self,
+            rule,
+            scale,
+            scale_rows(self._sum.combine(factors), scale),
+            scale_rows(self._lift.combine(factors), scale),
+            tuple(zip(coefficients[0], self._moving[0], strict=True)),
+            tuple(zip(coefficients[1], self._moving[1], strict=True)),
         )
 
 
+@dataclass(frozen=True, eq=False)
 class Step:
     """The system of one step at one parameter vector.
 
-    Attributes
+    Parameters
     ----------
+    system : StepSystem
+    rule : StepRule
+    scale : (n_free,) array
+        Factors of the rows.
     matrix : (n_free, n_free) csr_array
         Symmetric quasi-definite.
-    loads : (n_free, n_loads) array
-        Right-hand side per unit of each load, prescribed values included.
+    lift : (n_free, n_dofs − n_free) csr_array
+        The columns of the constrained dofs.
+    second, first : tuple of (float, (n_free, n_dofs) csr_array)
+        Coefficients and unscaled rows of the terms of M and C.
     """
 
-    def __init__(
-        self,
-        matrix: Sparse,
-        loads: Array,
-        second: Sequence[tuple[float, Sparse]],
-        first: Sequence[tuple[float, Sparse]],
-        scheme: Newmark,
-        step: float,
-    ) -> None:
-        self.matrix, self.loads = matrix, loads
-        self._second, self._first, self._scheme, self._step = second, first, scheme, step
+    system: StepSystem
+    rule: StepRule
+    scale: Array
+    matrix: Sparse
+    lift: Sparse
+    second: tuple[tuple[float, Sparse], ...]
+    first: tuple[tuple[float, Sparse], ...]
 
-    def right_side(self, old: State, weights: Array) -> Array:
-        """Return the right-hand side (n_free, k) after the state `old` under loads weighted by (n_loads, k)."""
-        total = self.loads @ weights
-        if self._second:
-            history = self._scheme.mass_history(old, self._step)
-            for coefficient, rows in self._second:
-                total += coefficient * (rows @ history)
-        if self._first:
-            history = self._scheme.rate_history(old, self._step)
-            for coefficient, rows in self._first:
-                total += coefficient * (rows @ history)
-        return np.asarray(total)
+    @property
+    def loads(self) -> Array:
+        """Right-hand side (n_free, n_loads) per unit of each load, prescribed values included, where w = 1."""
+        return np.asarray(self.scale[:, None] * self.system.forces - self.lift @ self.system.prescribed)
+
+    def target(self, old: State, weights: Array) -> Array:
+        """Return y_* (n_dofs − n_free, k) of the constrained dofs that ends in what loads of `weights` prescribe."""
+        value, w = self.system.prescribed @ weights, self.rule.weight
+        return np.asarray(value if w == 1 else (1 - w) * old.value[self.system.constrained] + w * value)
+
+    def right_side(self, old: State, weights: Array, before: Array | None = None, step: float | None = None) -> Array:
+        """Return the right-hand side (n_free, k) of the step after the state `old`.
+
+        Parameters
+        ----------
+        old : State
+        weights, before : (n_loads, k) arrays
+            Factors of the loads at the end and at the beginning of the step; `before` matters where w < 1
+            and is zero if left out.
+        step : float, optional
+            Length [s]; that of the regular steps if left out.
+        """
+        scheme, w = self.system.scheme, self.rule.weight
+        length = self.system.step if step is None else step
+        mean = weights if w == 1 else w * weights if before is None else w * weights + (1 - w) * before
+        total = self.system.forces @ mean
+        for terms, histories in ((self.second, scheme.mass_history), (self.first, scheme.rate_history)):
+            if terms:
+                history = histories(old, length)
+                for coefficient, rows in terms:
+                    total += coefficient * (rows @ history)
+        return np.asarray(self.scale[:, None] * total - self.lift @ self.target(old, weights))
+
+    def take(self, solver: LinearSolver, old: State, weights: Array, before: Array, step: float) -> State:
+        """Return the state after a step of `step` seconds; `solver` is prepared for the matrix of this step."""
+        value = np.empty_like(old.value)
+        value[self.system.constrained] = self.target(old, weights)
+        value[self.system.free] = solver.solve(self.right_side(old, weights, before, step))
+        return self.system.scheme.advance(old, value, step)
 
 
 def stack(columns: Sequence[Array], n: int) -> Array:
@@ -139,10 +168,10 @@ def load_profiles(loads: Sequence[Load], times: Array) -> Array:
     return np.array([load.profile(times) for load in loads]).reshape(len(loads), len(times))
 
 
-def _restrict(terms: Sequence[AffineTerm], rows: IntArray, scale: Array) -> list[Sparse]:
-    """Scaled rows (n_free, n_dofs) of the terms."""
-    diagonal = dia_array((scale[None, :], [0]), shape=(len(scale), len(scale)))
-    return [csr_array(diagonal @ term.matrix[rows]) for term in terms]
+def scale_rows(matrix: Sparse, scale: Array) -> Sparse:
+    """Multiply the rows of a matrix by `scale` (r,) in place, and return it."""
+    matrix.data *= np.repeat(scale, np.diff(matrix.indptr))
+    return matrix
 
 
 def _check_symmetry(matrix: Sparse, definite: BoolArray) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from dacore.errors import SceneError
 
@@ -52,15 +52,34 @@ class Discretization(Table):
 
 
 class Time(Table):
-    """``[time]``: the recorded steps [s], the scheme and the start."""
+    """``[time]``: the recorded steps [s], how they are marched, the scheme and the start."""
 
     step: Positive = 5e-4
     steps: Annotated[int, Field(ge=1)] = 40
     spin_up: Annotated[int, Field(ge=0)] = 0
+    substeps: Annotated[int, Field(ge=1, le=10_000)] = 1
+    graded: Annotated[int, Field(ge=0, le=30)] = 0
     start: Literal["zero", "steady"] = "zero"
+    scheme: Literal["newmark", "generalized_alpha"] = "newmark"
     beta: float = 0.5
     gamma: float = 1.0
     first_order: Literal["backward_euler", "newmark"] = "backward_euler"
+    rho_inf: float = 0.5
+
+    @model_validator(mode="after")
+    def _fitting(self) -> "Time":
+        """Refuse numbers of a scheme that is not the one chosen."""
+        for scheme, keys in _SCHEME_KEYS.items():
+            strange = [key for key in keys if key in self.model_fields_set]
+            if strange and scheme != self.scheme:
+                raise ValueError(
+                    f"{', '.join(strange)}: of scheme = {scheme!r}, but the scheme is {self.scheme!r}; "
+                    "remove this or change the scheme"
+                )
+        return self
+
+
+_SCHEME_KEYS = {"newmark": ("beta", "gamma", "first_order"), "generalized_alpha": ("rho_inf",)}
 
 
 class Range(Table):

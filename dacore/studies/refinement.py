@@ -9,8 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dacore.core.model import ForwardModel
+from dacore.core.arrays import Array
+from dacore.core.model import ForwardModel, Trajectory
 from dacore.core.parameters import Parameters
+from dacore.errors import ShapeError
 from dacore.studies.errors import ErrorMeter
 
 
@@ -41,15 +43,28 @@ def time_refinement(
     Parameters
     ----------
     coarse, fine : ForwardModel
-        On the same space; `fine` records `factor` times as many steps.
+        On the same space; what `fine` records besides the coarse model's times is left out.
     parameters : mapping of str to float
     factor : int
     meter : ErrorMeter
         Measures the difference; the finer computation is the reference.
+
+    Raises
+    ------
+    ShapeError
+        If the finer model does not record every time of the coarse one.
     """
-    one, other = coarse.solve(parameters).states, fine.solve(parameters).states[:, factor - 1 :: factor]
+    one, other = coarse.solve(parameters).states, _at_times(fine.solve(parameters), coarse.times)
     pairs = meter.errors(one - other, meter.reference(other))
     differences = {
         label: float(np.sqrt((above**2).sum() / (below**2).sum())) for label, (above, below) in pairs.items()
     }
     return Refinement(factor, differences, dict(parameters))
+
+
+def _at_times(trajectory: Trajectory, times: Array) -> Array:
+    """States (n_dofs, t) at times that a trajectory recorded, to a millionth of their distance."""
+    nearest = np.abs(trajectory.times[None, :] - times[:, None]).argmin(axis=1)
+    if not np.allclose(trajectory.times[nearest], times, rtol=0.0, atol=1e-6 * float(times[-1]) / len(times)):
+        raise ShapeError("refinement: the finer model does not record all times of the coarse one")
+    return np.asarray(trajectory.states[:, nearest])

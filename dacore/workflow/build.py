@@ -26,8 +26,10 @@ from dacore.core.quantity import QuantityOfInterest
 from dacore.core.solver import SolverMethod
 from dacore.core.space import StateSpace
 from dacore.core.timegrid import TimeGrid
+from dacore.dynamics.generalized_alpha import GeneralizedAlpha
 from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.newmark import Newmark
+from dacore.dynamics.scheme import Scheme
 from dacore.errors import DacoreError, MissingDependencyError, PluginError, SceneError, ShapeError
 from dacore.io.scene import PluginTable, Scene, convert
 from dacore.plugins.registry import Registry, load
@@ -113,10 +115,12 @@ class Builder:
         return made
 
     @cached_property
-    def scheme(self) -> Newmark:
+    def scheme(self) -> Scheme:
         """The time scheme; SceneError outside its stability region."""
         time = self.scene.time
         with self.blame("time"):
+            if time.scheme == "generalized_alpha":
+                return GeneralizedAlpha(time.rho_inf)
             return Newmark(time.beta, time.gamma, time.first_order)
 
     def check(self) -> None:
@@ -159,9 +163,9 @@ class Builder:
         return built
 
     def march(self, model: AffineModel, refinement: int) -> MarchedModel:
-        """March an affine model with each step divided by `refinement`."""
+        """March an affine model with each step divided by `refinement`, recording the same times."""
         time = self.scene.time
-        grid = TimeGrid(time.step / refinement, time.steps * refinement, time.spin_up * refinement)
+        grid = TimeGrid(time.step, time.steps, time.spin_up, time.substeps * refinement, time.graded)
         return MarchedModel(model, grid, self.scheme, time.start, self.solver, self.scene.solver.tolerance)
 
     def parameters(self, model: ForwardModel) -> ParameterSpace:

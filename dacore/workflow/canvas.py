@@ -38,9 +38,9 @@ class Canvas:
         if scene.domain is not None:
             parts.append(f"{len(self.session.mesh.points):,} nodes")
         if isinstance(model, MarchedModel):
-            time = scene.time
-            rule = time.first_order.replace("_", " ")
-            parts.append(f"β = {time.beta:g}, γ = {time.gamma:g}, {rule}, τ = {time.step:g} s")
+            grid = model.grid
+            graded = f", graded {grid.graded}" if grid.graded else ""
+            parts.append(f"{model.scheme.label}, τ = {grid.step / grid.substeps:g} s{graded}")
         return " · ".join(parts)
 
     @cached_property

@@ -23,7 +23,8 @@ from dacore.algebra.elimination import Ordering
 from dacore.algebra.solvers import Direct, Krylov
 from dacore.core.mesh import Mesh
 from dacore.domains.ball import Ball
-from dacore.dynamics.newmark import Newmark, State
+from dacore.dynamics.newmark import Newmark
+from dacore.dynamics.scheme import State
 from dacore.dynamics.system import StepSystem, load_profiles
 from dacore_biot.model import Biot
 from dacore_skfem.backend import SkfemBackend

@@ -4,7 +4,7 @@ u = a(t) U(x) and p = b(t) P(x) are made of the model's own loads, one for each 
 u is held on the side x = 0, p on the other sides; the rest are traction and flux.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import itemgetter
 
 import numpy as np
@@ -17,8 +17,10 @@ from dacore.core.parameters import Parameter, ParameterSpace
 from dacore.core.simplex import barycentric_gradients, lagrange, lagrange_gradient
 from dacore.core.timegrid import TimeGrid
 from dacore.domains.box import Box
+from dacore.dynamics.generalized_alpha import GeneralizedAlpha
 from dacore.dynamics.march import MarchedModel
-from dacore.dynamics.newmark import Newmark, State
+from dacore.dynamics.newmark import Newmark
+from dacore.dynamics.scheme import State
 from dacore.dynamics.static import consistent_start
 from dacore_biot import material
 from dacore_biot.operators import biot_fields, biot_terms
@@ -152,13 +154,13 @@ def manufactured(mesh, order, shapes, a, b):
     return AffineModel(space, parameters, *groups, loads, constrained, terms.flow)
 
 
-def march(model, scheme, shapes, a, b, duration, steps):
-    """Final state from a consistent smooth start."""
+def march(model, scheme, shapes, a, b, duration, steps, graded=0, lag=0.0):
+    """Final state from a consistent smooth start, whose rates a scheme is told (`lag` = 0) or not (infinite)."""
     zero = np.zeros(1)
     exact = interpolate(model.space, shapes)
     start = State(*(exact @ np.array([[a[k](zero)[0]], [b[k](zero)[0]]]) for k in range(3)))
-    start = consistent_start(model, THETA, start)
-    marched = MarchedModel(model, TimeGrid(duration / steps, 1, steps - 1), scheme, tolerance=1e-10)
+    start = replace(consistent_start(model, THETA, start), lag=lag)
+    marched = MarchedModel(model, TimeGrid(duration, 1, 0, steps, graded), scheme, tolerance=1e-11)
     return marched.march(THETA, start).states[:, -1]
 
 
@@ -225,18 +227,35 @@ def test_rates_in_space(dim, order, sizes, expected):
         (Newmark(0.5, 1.0, "backward_euler"), 1),
         (Newmark(0.5, 1.0, "newmark"), 1),
         (Newmark(0.25, 0.5, "backward_euler"), 1),
+        (Newmark(0.3025, 0.6, "newmark"), 1),
+        (GeneralizedAlpha(0.0), 2),
+        (GeneralizedAlpha(0.5), 2),
+        (GeneralizedAlpha(1.0), 2),
     ],
-    ids=["trapezoidal", "published", "published, newmark", "energy-keeping with Euler"],
+    ids=lambda each: getattr(each, "label", None),
 )
-def test_rates_in_time(scheme, order):
+@pytest.mark.parametrize("graded", [0, 5])
+def test_rates_in_time(scheme, order, graded):
+    check_rates_in_time(scheme, order, graded)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("graded", [0, 5])
+def test_rates_in_time_when_the_first_step_is_backward_euler(rho, graded):
+    """One step of first order leaves the second order of the whole."""
+    check_rates_in_time(GeneralizedAlpha(rho), 2, graded, lag=np.inf)
+
+
+def check_rates_in_time(scheme, order, graded, lag=0.0):
     """Linear U and P are exact in space."""
     a = (lambda t: np.sin(3 * t), lambda t: 3 * np.cos(3 * t), lambda t: -9 * np.sin(3 * t))
     b = (lambda t: np.cos(2 * t), lambda t: -2 * np.sin(2 * t), lambda t: -4 * np.cos(2 * t))
     shapes = straight(2)
-    model = manufactured(box((4, 4)), 1, shapes, a, b)
+    model = manufactured(box((3, 3)), 1, shapes, a, b)
     exact = interpolate(model.space, shapes) @ np.array([a[0](1.0), b[0](1.0)])
     counts = np.array([128, 256, 512])
-    differences = np.stack([march(model, scheme, shapes, a, b, 1.0, n) - exact for n in counts], axis=1)
+    states = [march(model, scheme, shapes, a, b, 1.0, n, graded, lag) for n in counts]
+    differences = np.stack(states, axis=1) - exact[:, None]
     for field in ("u", "p"):
         errors = np.linalg.norm(differences[model.space.layout.block(field)], axis=0)
         rates = np.log2(errors[:-1] / errors[1:])

@@ -1,6 +1,7 @@
 """Marching an affine model: one set-up a sample, superposition, starts, symmetry; on a poroelastic rod."""
 
 import pickle
+from dataclasses import replace
 from operator import itemgetter
 
 import numpy as np
@@ -13,10 +14,12 @@ from dacore.core.model import AffineModel, AffineTerm, Load
 from dacore.core.parameters import Parameter, ParameterSpace
 from dacore.core.space import StateSpace
 from dacore.core.timegrid import TimeGrid
+from dacore.dynamics.generalized_alpha import GeneralizedAlpha
 from dacore.dynamics.march import MarchedModel
-from dacore.dynamics.newmark import Newmark, State
+from dacore.dynamics.newmark import Newmark
 from dacore.dynamics.pattern import PatternSum
-from dacore.dynamics.profiles import Constant, Ramp, Sine
+from dacore.dynamics.profiles import Constant, Ramp, Sine, SmoothRamp
+from dacore.dynamics.scheme import State
 from dacore.dynamics.static import consistent_start, steady_state
 from dacore.dynamics.system import StepSystem
 from dacore.errors import AccuracyError, CapabilityError, ShapeError
@@ -25,6 +28,7 @@ N = 12
 THETA = {"rho": 1.3, "modulus": 40.0, "alpha": 0.8, "storage": 0.05, "mobility": 0.3, "pull": -2.0}
 THETA |= {"inflow": 5.0, "outflow": 1.0}
 SCHEMES = [Newmark(), Newmark(0.25, 0.5, "newmark"), Newmark(0.5, 1.0, "newmark"), Newmark(0.3, 0.55)]
+DAMPED = [GeneralizedAlpha(0.0), GeneralizedAlpha(0.5), GeneralizedAlpha(1.0)]
 
 
 class Rod(StateSpace):
@@ -140,6 +144,39 @@ def test_every_step_satisfies_the_equations_of_the_full_system(scheme, start):
         old = new
 
 
+@pytest.mark.parametrize("scheme", DAMPED)
+@pytest.mark.parametrize("start", ["zero", "steady"])
+@pytest.mark.parametrize("graded", [0, 3])
+def test_generalised_alpha_balances_forces_between_the_steps(scheme, start, graded):
+    model, grid = rod(), TimeGrid(0.02, 8, substeps=2, graded=graded)
+    marched = MarchedModel(model, grid, scheme, start)
+    matrices = [
+        sum(t.coefficient(THETA) * t.matrix.toarray() for t in terms)
+        for terms in (model.second_order, model.first_order, model.zeroth_order)
+    ]
+    y = steady_state(model, THETA, np.array([[0.0], [5.0], [1.0]])) if start == "steady" else np.zeros((2 * N, 1))
+    old = State.at_rest(y, lag=np.inf if start == "zero" else 0.0)
+    free, time, recorded = ~model.constrained, 0.0, []
+    held = np.zeros(2 * N)
+    held[[N, 2 * N - 1]] = THETA["outflow"], THETA["inflow"]
+    for tau, end, keep in zip(grid.lengths, grid.ends, grid.recorded, strict=True):
+        rule = scheme.rule(old, tau)
+        w = rule.weight
+        value = np.zeros((2 * N, 1))
+        value[~free, 0] = ((1 - w) * old.value[:, 0] + w * held)[~free]
+        force = np.zeros((2 * N, 1))
+        force[N - 1] = THETA["pull"] * ((1 - w) * np.sin(2 * np.pi * time) + w * np.sin(2 * np.pi * end))
+        whole = rule.mass_factor * matrices[0] + rule.rate_factor * matrices[1] + matrices[2]
+        right = force + matrices[0] @ scheme.mass_history(old, tau) + matrices[1] @ scheme.rate_history(old, tau)
+        value[free] = np.linalg.solve(whole[np.ix_(free, free)], (right - whole @ value)[free])
+        old, time = scheme.advance(old, value, tau), end
+        np.testing.assert_allclose(old.value[~free, 0], held[~free], atol=1e-12)
+        if keep:
+            recorded.append(old.value[:, 0])
+    states = marched.solve(THETA).states
+    np.testing.assert_allclose(states, np.array(recorded).T, rtol=0, atol=1e-7 * np.abs(states).max())
+
+
 def test_responses_share_one_factorisation_and_superposition_costs_no_solve(counter):
     model = MarchedModel(rod(), TimeGrid(0.02, 20), tolerance=1e-12)
     responses = model.responses(THETA)
@@ -181,7 +218,7 @@ def test_responses_do_not_depend_on_amplitudes():
     np.testing.assert_array_equal(model.responses(THETA).states, model.responses(THETA | {"pull": 9.0}).states)
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("scheme", SCHEMES + DAMPED)
 def test_steady_start_stays_steady_without_a_pulse(scheme):
     model = MarchedModel(rod(), TimeGrid(0.02, 30), scheme, start="steady")
     states = model.solve(THETA | {"pull": 0.0}).states
@@ -201,6 +238,89 @@ def test_zero_start_drifts_to_the_steady_state():
     np.testing.assert_allclose(last, steady, rtol=0, atol=1e-7 * np.abs(steady).max())
 
 
+@pytest.mark.parametrize("scheme", [*SCHEMES[:2], *DAMPED])
+@pytest.mark.parametrize("start", ["zero", "steady"])
+def test_superposition_holds_with_graded_steps_and_ramps(scheme, start):
+    base = rod()
+    loads = (base.loads[0], *(replace(load, profile=SmoothRamp(0.05)) for load in base.loads[1:]))
+    for model in (base, rod(loads=loads), rod(loads=(*base.loads[:2], loads[2]))):
+        marched = MarchedModel(model, TimeGrid(0.02, 6, spin_up=2, substeps=2, graded=3), scheme, start)
+        expected = marched.solve(THETA).states
+        states = marched.responses(THETA).superpose(model.amplitudes(THETA)).states
+        np.testing.assert_allclose(states, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("scheme", [*SCHEMES, *DAMPED])
+def test_substeps_are_the_shorter_steps_and_grading_splits_the_first(scheme):
+    fine = MarchedModel(rod(), TimeGrid(0.005, 24), scheme, tolerance=1e-12).solve(THETA)
+    same = MarchedModel(rod(), TimeGrid(0.02, 6, substeps=4), scheme, tolerance=1e-12).solve(THETA)
+    np.testing.assert_allclose(same.times, fine.times[3::4], rtol=1e-14)
+    np.testing.assert_allclose(same.states, fine.states[:, 3::4], rtol=0, atol=1e-9 * np.abs(fine.states).max())
+    graded = MarchedModel(rod(), TimeGrid(0.02, 6, substeps=4, graded=2), scheme, tolerance=1e-12).solve(THETA)
+    np.testing.assert_array_equal(graded.times, same.times)
+    # Its first states: three steps of 1/4, 1/4, 1/2 of 5 ms, by hand.
+    model = rod()
+    if isinstance(scheme, Newmark):
+        system = StepSystem(model, scheme, 0.005)
+        old = State.at_rest(np.zeros((2 * N, 1)))
+        for tau, end in zip((0.00125, 0.00125, 0.0025), (0.00125, 0.0025, 0.005), strict=True):
+            step = system.at(THETA, scheme.regular(tau))
+            weights = np.array([[THETA["pull"] * np.sin(2 * np.pi * end)], [5.0], [1.0]])
+            value = np.zeros((2 * N, 1))
+            value[system.constrained] = system.prescribed @ weights
+            right = step.right_side(old, weights, step=tau)
+            value[system.free] = np.linalg.solve(step.matrix.toarray(), right)
+            old = scheme.advance(old, value, tau)
+        first = MarchedModel(model, TimeGrid(0.005, 1, graded=2), scheme, tolerance=1e-12).solve(THETA).states
+        np.testing.assert_allclose(first, old.value, rtol=0, atol=1e-8 * np.abs(first).max())
+
+
+@pytest.mark.parametrize(
+    ("scheme", "graded", "setups"),
+    [
+        (Newmark(), 0, 1),
+        (Newmark(), 4, 5),
+        (GeneralizedAlpha(0.5), 0, 3),
+        (GeneralizedAlpha(0.5), 4, 7),
+        (GeneralizedAlpha(1.0), 4, 6),
+    ],
+)
+def test_each_length_of_step_costs_a_factorisation(counter, scheme, graded, setups):
+    """Generalised α: backward Euler first, and again where the step before had another length (not for ρ = 1)."""
+    grid = TimeGrid(0.02, 10, substeps=2, graded=graded)
+    MarchedModel(rod(), grid, scheme).solve(THETA)
+    assert (counter.setups, counter.solves) == (setups, 20 + graded)
+
+
+def test_the_first_step_of_generalised_alpha_depends_on_whether_something_jumps(counter):
+    base, scheme, grid = rod(), GeneralizedAlpha(1.0), TimeGrid(0.02, 10)
+    MarchedModel(base, grid, scheme, "steady").solve(THETA)
+    assert counter.setups == 2 + 1  # the flow and the momentum balance at rest, and the steps
+    ramped = tuple(replace(load, profile=SmoothRamp(0.1)) for load in base.loads[1:])
+    MarchedModel(rod(loads=(base.loads[0], *ramped)), grid, scheme).solve(THETA)
+    assert counter.setups == 3 + 1
+    MarchedModel(base, grid, scheme).solve(THETA)
+    assert counter.setups == 4 + 2  # backward Euler once, then the steps
+
+
+def test_a_graded_damped_start_does_not_ring():
+    """After a jump at both ends; the trapezoidal rule keeps what its first step did not resolve."""
+    theta = THETA | {"pull": 0.0, "alpha": 0.0, "inflow": 1.0, "outflow": 1.0, "storage": 0.01}
+    exact = MarchedModel(rod(), TimeGrid(0.02, 10, substeps=400), Newmark(0.5, 1.0)).solve(theta).states[N:]
+    errors = {}
+    for name, scheme, graded in (
+        ("trapezoidal", Newmark(0.25, 0.5, "newmark"), 0),
+        ("published", Newmark(), 0),
+        ("damped", GeneralizedAlpha(0.5), 0),
+        ("graded", GeneralizedAlpha(0.5), 5),
+    ):
+        states = MarchedModel(rod(), TimeGrid(0.02, 10, graded=graded), scheme).solve(theta).states[N:]
+        errors[name] = np.abs(states - exact).max()
+    assert errors["trapezoidal"] > 0.2
+    assert errors["graded"] < 0.02
+    assert errors["graded"] < 0.3 * min(errors["damped"], errors["published"])
+
+
 def test_spin_up_is_marched_but_not_recorded():
     long = MarchedModel(rod(), TimeGrid(0.02, 30)).solve(THETA)
     late = MarchedModel(rod(), TimeGrid(0.02, 10, spin_up=20)).solve(THETA)
@@ -215,7 +335,7 @@ def test_pickled_model_solves_alike():
     assert (copy.start, copy.method, copy.tolerance) == ("steady", Direct(), 1e-9)
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("scheme", SCHEMES + DAMPED)
 def test_step_matrix_is_symmetric_quasi_definite(scheme):
     system = StepSystem(rod(), scheme, 0.02)
     matrix = system.at(THETA).matrix.toarray()
@@ -308,6 +428,46 @@ def test_energy_is_lost_to_seepage_alone():
             assert energies[-1] < 0.9 * energies[0]
 
 
+@pytest.mark.parametrize("rho", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("mobility", [0.0, 0.3])
+def test_energy_of_generalised_alpha_is_lost_to_seepage_and_to_damping_alone(rho, mobility):
+    """The exact balance of `dacore.dynamics.generalized_alpha`, of the whole coupled system."""
+    model, tau, scheme = rod(loads=()), 0.03, GeneralizedAlpha(rho)
+    mass, stiffness, _ = rod_matrices()
+    theta, s = THETA | {"mobility": mobility}, (1 - rho) / (2 * (1 + rho))
+    rng = np.random.default_rng(0)
+    value, rate = np.zeros((2 * N, 1)), np.zeros((2 * N, 1))
+    value[1:-1] = rng.standard_normal((2 * N - 2, 1))
+    value[N] = 0.0
+    rate[1:N] = rng.standard_normal((N - 1, 1))
+
+    def energy(values, velocities):
+        (u, p), v = values[:, 0].reshape(2, N), velocities[:N, 0]
+        kinetic, elastic = theta["rho"] * v @ (mass @ v), theta["modulus"] * u @ (stiffness @ u)
+        return 0.5 * (kinetic + elastic + theta["storage"] * p @ (mass @ p))
+
+    def form(state):
+        ahead = state.value + 2 * s * tau * state.slope, state.rate + 2 * s * tau * state.acceleration
+        return 0.5 * (energy(state.value, state.rate) + energy(*ahead))
+
+    system = StepSystem(model, scheme, tau)
+    old = consistent_start(model, theta, State(value, rate, np.zeros_like(value)))
+    first, none = energy(old.value, old.rate), np.zeros((0, 1))
+    for k in range(60):
+        step = system.at(theta, scheme.rule(old, tau))
+        new = step.take(Direct().prepare(step.matrix, system.definite, 1e-13), old, none, none, tau)
+        w = step.rule.weight
+        middle = ((1 - w) * old.value + w * new.value)[N:, 0]
+        seepage = tau * mobility * middle @ (stiffness @ middle)
+        if k:
+            change = energy(tau * (new.slope - old.slope), tau * (new.acceleration - old.acceleration))
+            expected = -seepage - 4 * s**3 * change
+            assert form(new) - form(old) == pytest.approx(expected, abs=1e-9 * first)
+        old = new
+    left = energy(old.value, old.rate) / first
+    assert left == pytest.approx(1.0, rel=1e-8) if rho == 1 and mobility == 0 else left < 0.9
+
+
 def test_sum_on_one_pattern_equals_the_sum():
     rng = np.random.default_rng(0)
     blocks = [csr_array(np.where(rng.random((7, 5)) < 0.3, rng.standard_normal((7, 5)), 0.0)) for _ in range(4)]
@@ -324,6 +484,28 @@ def test_profiles():
     np.testing.assert_allclose(Sine(5.0)(times), np.sin(10 * np.pi * times))
     np.testing.assert_allclose(Ramp(0.1)(times), [0, 0.5, 1, 1])
     np.testing.assert_allclose(Constant()(times), 1.0)
-    for make, value in ((Sine, 0.0), (Ramp, -1.0)):
+    np.testing.assert_allclose(SmoothRamp(0.1)(times), [0, 0.5, 1, 1])
+    near = SmoothRamp(1.0)(np.array([1e-4, 1 - 1e-4]))
+    np.testing.assert_allclose([near[0], 1 - near[1]], 1e-11, rtol=1e-3)
+    for make, value in ((Sine, 0.0), (Ramp, -1.0), (SmoothRamp, 0.0)):
         with pytest.raises(ShapeError, match="positive"):
             make(value)
+
+
+def test_grids_of_steps():
+    grid = TimeGrid(0.4, 3, spin_up=1, substeps=2, graded=2)
+    np.testing.assert_allclose(grid.lengths, [0.05, 0.05, 0.1, *[0.2] * 7])
+    np.testing.assert_allclose(grid.ends, np.cumsum(grid.lengths))
+    np.testing.assert_allclose(grid.times, [0.8, 1.2, 1.6])
+    np.testing.assert_allclose(grid.ends[grid.recorded], grid.times)
+    np.testing.assert_array_equal(TimeGrid(0.1, 7, 3).ends[3:], TimeGrid(0.1, 7, 3).times)
+    fine = grid.divided(3)
+    np.testing.assert_array_equal(fine.times, grid.times)
+    assert (fine.substeps, len(fine.ends)) == (6, 4 * 6 + 2)
+    for wrong, message in (
+        ({"substeps": 0}, "substeps: got 0"),
+        ({"graded": -1}, "graded: got -1"),
+        ({"graded": 31}, "0 to 30"),
+    ):
+        with pytest.raises(ShapeError, match=message):
+            TimeGrid(0.1, 3, **wrong)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from dacore.dynamics.newmark import Newmark, State
+from dacore.dynamics.newmark import Newmark
+from dacore.dynamics.scheme import State
 from dacore.errors import ShapeError, UnstableError
 
 SCHEMES = [(0.25, 0.5), (0.3025, 0.6), (0.5, 1.0), (0.5, 0.5), (0.8, 1.2)]

@@ -58,6 +58,10 @@ def test_changes_are_toml_values_or_words(tmp_path):
         ("training.samples=2.5", r"training.samples: got 2.5"),
         ("training.samples=true", r"training.samples: got True"),
         ("time.step=-1.0", r"time.step: got -1.0, expected"),
+        ("time.substeps=0", r"time.substeps: got 0, expected"),
+        ("time.graded=31", r"time.graded: got 31, expected"),
+        ("time.scheme='leapfrog'", r"time.scheme: got 'leapfrog', expected 'newmark' or 'generalized_alpha'"),
+        ("time.rho_inf=0.5", r"time: rho_inf: of scheme = 'generalized_alpha', but the scheme is 'newmark'"),
         ("time.start='later'", r"time.start: got 'later', expected 'zero' or 'steady'"),
         ("noise.levels=[0.1, 0.1]", r"noise.levels: .*each level once"),
         ("noise.levels=[]", r"noise.levels"),
@@ -110,3 +114,13 @@ def test_units_are_converted_or_refused(tmp_path):
     nonsense = read_scene(write(tmp_path, GOOD), ["parameters.E={low=10, high=100, unit='furlongs per jiffy'}"])
     with pytest.raises(SceneError, match="got the unit"):
         convert(nonsense.parameters["E"], "dyn/cm^2", "parameters.E")
+
+
+@pytest.mark.parametrize("keys", [["beta=0.3"], ["gamma=0.5", "first_order=newmark"]])
+def test_numbers_of_another_scheme_are_refused_by_name(tmp_path, keys):
+    changes = ["time.scheme=generalized_alpha", *(f"time.{key}" for key in keys)]
+    names = ", ".join(key.partition("=")[0] for key in keys)
+    with pytest.raises(
+        SceneError, match=f"time: {names}: of scheme = 'newmark', but the scheme is 'generalized_alpha'"
+    ):
+        read_scene(write(tmp_path, GOOD), changes)

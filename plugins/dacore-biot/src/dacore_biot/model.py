@@ -14,7 +14,7 @@ from dacore.core.fespace import FiniteElementSpace
 from dacore.core.mesh import Mesh
 from dacore.core.model import AffineModel, Discretize, Load, Physics
 from dacore.core.parameters import Parameter, ParameterSpace
-from dacore.dynamics.profiles import Constant, Sine
+from dacore.dynamics.profiles import Constant, Sine, SmoothRamp
 from dacore.errors import MeshError, ShapeError
 from dacore_biot import material
 from dacore_biot.operators import DISPLACEMENT, PRESSURE, biot_fields, biot_terms
@@ -58,6 +58,9 @@ class Biot(Physics):
     xi, frequency, pulse_axis : float, float, int
         The traction ``xi sin(2π · frequency · t) s`` [dyn/cm²] on `mre` points along `pulse_axis`;
         s falls linearly from 1 at the lowest coordinate of the mesh (the back) to 0 at the highest.
+    ramp : float
+        Time [s] over which the boundary pressures and the neck's displacement rise, smoothly, from zero;
+        0 lets them jump.
     pressure_on_neck : {"none", "csf"}
         No flux through the neck, or the outer pressure there.
     neck_displacement : float
@@ -86,6 +89,7 @@ class Biot(Physics):
     xi: float = -500.0
     frequency: float = 50.0
     pulse_axis: int = 1
+    ramp: float = 0.0
     pressure_on_neck: NeckPressure = "none"
     neck_displacement: float = 0.0
     neck: str = "neck"
@@ -101,6 +105,8 @@ class Biot(Physics):
             raise ShapeError(f"pressure_on_neck: got {self.pressure_on_neck!r}, expected 'none' or 'csf'")
         if not (np.isfinite(self.frequency) and self.frequency > 0):
             raise ShapeError(f"frequency: got {self.frequency}, expected a positive number of Hz")
+        if not 0 <= self.ramp < np.inf:
+            raise ShapeError(f"ramp: got {self.ramp}, expected 0 (a jump) or a positive number of seconds")
         if len({self.neck, self.ventricles, self.mre}) != 3:
             raise ShapeError(f"roles: got {self.neck}, {self.ventricles}, {self.mre}, expected three different names")
         _check_ranges(self.parameters)
@@ -176,13 +182,13 @@ class Biot(Physics):
         return held
 
     def _loads(self, discretization: Discretization, held: Mapping[str, BoolArray]) -> tuple[Load, ...]:
-        none, still = np.zeros(discretization.layout.n_dofs), Constant()
+        none, rise = np.zeros(discretization.layout.n_dofs), SmoothRamp(self.ramp) if self.ramp else Constant()
         pulse = Load("pulse", itemgetter("xi"), Sine(self.frequency), self._traction(discretization), none)
-        csf = Load("csf", itemgetter("p_csf"), still, none, held["csf"].astype(np.float64))
-        neck = Load("neck", itemgetter("neck_displacement"), still, none, held["neck"].astype(np.float64))
+        csf = Load("csf", itemgetter("p_csf"), rise, none, held["csf"].astype(np.float64))
+        neck = Load("neck", itemgetter("neck_displacement"), rise, none, held["neck"].astype(np.float64))
         if not self.ventricles:
             return pulse, csf, neck
-        ventricles = Load("ventricles", itemgetter("p_ventricles"), still, none, held["ventricles"].astype(np.float64))
+        ventricles = Load("ventricles", itemgetter("p_ventricles"), rise, none, held["ventricles"].astype(np.float64))
         return pulse, csf, ventricles, neck
 
     def _traction(self, discretization: Discretization) -> Array:
