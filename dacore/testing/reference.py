@@ -131,8 +131,8 @@ class Reference:
         cells = np.arange(len(corner))
         return Patch(self.mesh, cells, where, size[:, None] * weights, np.zeros((len(cells), self.mesh.dim)))
 
-    def surface(self, role: str) -> Patch:
-        """Quadrature on the facets of a role, with outward unit normals."""
+    def surface(self, role: str, only: int | None = None) -> Patch:
+        """Quadrature on the facets of a role (or one of them), with outward unit normals."""
         mesh, dim = self.mesh, self.mesh.dim
         owners: dict[frozenset[int], list[tuple[int, int]]] = {}
         for number, cell in enumerate(mesh.cells.tolist()):
@@ -140,6 +140,7 @@ class Reference:
                 owners.setdefault(frozenset(cell) - {vertex}, []).append((number, vertex))
         cells, opposite = [], []
         facets = mesh.facets[mesh.facet_tags == mesh.roles[role]]
+        facets = facets if only is None else facets[[only]]
         for facet in facets.tolist():
             ((number, vertex),) = owners[frozenset(facet)]
             cells.append(number)
@@ -214,9 +215,9 @@ class Reference:
         """∫ a b over a role."""
         return self._product(self.surface(role), order)
 
-    def boundary_coupling(self, scalar: int, vector: int, role: str) -> Expected:
-        """∫ p v·n over a role, v the test function."""
-        patch = self.surface(role)
+    def boundary_coupling(self, scalar: int, vector: int, role: str, only: int | None = None) -> Expected:
+        """∫ p v·n over a role (or one of its facets), v the test function."""
+        patch = self.surface(role, only)
         values = patch.values(vector), patch.values(scalar)
         local = np.einsum("kq,kqa,kqb,ki->kiab", patch.weights, *values, patch.normals, optimize=True)
         return self._tall(patch, local, vector, scalar)

@@ -162,7 +162,7 @@ class InwardNormal(Delegate):
         return -self.inner.boundary_coupling(scalar, vector, role)
 
 
-@caught_by("boundary_coupling", "entries differ", also=("sums",))
+@caught_by("boundary_coupling", "the normal of the facet .* points inwards", also=("sums",))
 class OneFacetTurned(Delegate):
     def boundary_coupling(self, scalar, vector, role):
         tags = np.ones(len(self.mesh.facets), dtype=int)

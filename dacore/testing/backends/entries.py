@@ -98,6 +98,9 @@ def boundary_coupling(stand: Stand) -> None:
             want = stand.reference.boundary_coupling(s, v, role)
             mistakes: Mistakes = {"the normal points inwards": partial(np.negative, want.matrix)}
             mistakes |= _other_roles(stand, role, partial(stand.reference.boundary_coupling, s, v))
+            for k, facet in enumerate(stand.mesh.boundary_facets(role)):
+                text = f"the normal of the facet {sorted(facet.tolist())} points inwards"
+                mistakes[text] = partial(_turned_round, stand, want.matrix, (s, v, role, k))
             mistakes |= _without_a_component(want.matrix, stand.dim, rows=True)
             name = _pair(stand, f"boundary_coupling over {role!r}", v, s)
             form = Form(name, stand.side(v, vector=True), stand.side(s), mistakes)
@@ -115,6 +118,11 @@ def _matrix(form: Callable[..., Expected], *orders: int) -> Callable[[], Array]:
 
 def _turned(make: Callable[[], Array], sign: float) -> Array:
     return sign * make().T
+
+
+def _turned_round(stand: Stand, whole: Array, facet: tuple[int, int, str, int]) -> Array:
+    """A boundary coupling with the normal of one facet reversed."""
+    return np.asarray(whole - 2.0 * stand.reference.boundary_coupling(*facet).matrix)
 
 
 def _pair(stand: Stand, form: str, vector: int, scalar: int) -> str:
