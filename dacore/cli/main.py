@@ -128,6 +128,41 @@ def compare(
 
 
 @app.command()
+def bench(
+    scene: SceneFile,
+    sizes: Annotated[
+        str | None, typer.Option("--sizes", metavar="KEY=A,B", help="a key that makes the mesh finer, finest last")
+    ] = None,
+    vary: Annotated[
+        list[str] | None, typer.Option("--vary", metavar="KEY=A,B", help="one more key of the scene to vary")
+    ] = None,
+    only: Annotated[
+        list[str] | None, typer.Option("--only", metavar="WHAT", help="forward, voxels, estimate, or a sweep's name")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="where results go [runs/NAME-bench]")] = None,
+    cache: Cache = None,
+    changes: Changes = None,
+    workers: Workers = None,
+) -> None:
+    """Measure error against cost over a scene's settings, and say which to take for a wanted error."""
+    from dacore.cli.progress import RichBoard
+    from dacore.io.atomic import make_folder
+    from dacore.workflow.bench.output import publish, tables
+    from dacore.workflow.bench.run import bench as run_bench
+    from dacore.workflow.comparison.variants import axis_of
+
+    folder = out if out is not None else Path("runs") / f"{scene.stem}-bench"
+    with RichBoard() as board:
+        found = run_bench(
+            scene, changes or [], axis_of(sizes) if sizes else None, [axis_of(text) for text in vary or []], only or [],
+            cache or folder / "cache", workers, board,
+        )  # fmt: skip
+        make_folder(folder)
+        files = publish(found, folder, " ".join(["dacore", *sys.argv[1:]]))
+    board.show(tables(found), files)
+
+
+@app.command()
 def plugins() -> None:
     """List what is installed, what failed and why, what is missing and how to install it."""
     from dacore.cli.progress import print_plugins

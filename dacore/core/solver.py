@@ -74,8 +74,8 @@ class SolverMethod(ABC):
         definite : (n,) bool array
             True on the rows of A; all True for a positive definite matrix.
         tolerance : float
-            Bound on the relative residual of every column, measured in the system scaled to
-            D K D, D = 1/√diagonal: ‖D(b − K x)‖ ≤ tolerance · ‖D b‖.
+            Bound on the relative residual of every column, ‖D(b − K x)‖ ≤ tolerance · ‖D b‖, in the
+            system scaled to D K D, where D makes the diagonals of A and of C + B diag(A)⁻¹ Bᵀ one.
         analysis : object, optional
             What `analyse` returned for a matrix with this pattern; None if it was not asked.
 

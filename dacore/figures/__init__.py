@@ -15,8 +15,13 @@ one into PNG or SVG bytes.
 `quantity.quantity`       estimated against true quantity of interest
 `summary.summary`         error of each estimator for each noise level
 `hero.hero`               from measured voxels to a hidden field, one wide strip
+`work_precision.work_precision`  error against cost with the efficient frontier
+`work_precision.growth`   how costs grow with a size
 `costs.costs`             what several variants cost, a panel of bars for each cost
 `costs.differences`       how far several variants agree, item by item
+`stability.stability`     where a family of time schemes is stable, and what schemes damp
+`convergence.convergence` errors against the size of the cells
+`formula.against_formula` curves known by formula, and the points computed
 ========================  ==========================================================
 """
 

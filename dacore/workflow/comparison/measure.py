@@ -8,7 +8,7 @@ line by line to standard output, the result to ``measured.json`` and ``arrays.np
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -20,6 +20,7 @@ from scipy.sparse import csr_array
 from dacore.algebra.threads import one_blas_thread
 from dacore.core.arrays import Array, Sparse
 from dacore.core.model import AffineModel, ForwardModel
+from dacore.core.observation import Functionals
 from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.training import Progress
 from dacore.errors import DacoreError
@@ -58,6 +59,8 @@ class Job:
         Processes for the training.
     save : bool
         Whether to write the arrays.
+    probes : sequence of d floats [cm]
+        Points at which the trajectory's fields are kept too, under "probe …"; they compare across meshes.
     """
 
     table: Mapping[str, Any]
@@ -68,6 +71,7 @@ class Job:
     depth: Depth
     workers: int
     save: bool
+    probes: Sequence[Sequence[float]] = ()
 
 
 class LineBoard(ProgressBoard):
@@ -105,6 +109,7 @@ class Measurement:
         self.costs: dict[str, float] = {}
         self.facts: dict[str, Any] = {}
         self.arrays: dict[str, Array] = {}
+        self._measured: Functionals
         builder = Builder(validate(job.table, job.where), job.where, Path(job.base))
         self.costs["memory before"] = memory_now()
         builder.check()
@@ -130,7 +135,10 @@ class Measurement:
         self.costs["memory assembling"] = peak_memory()
         with self._timed("functionals"):
             functionals = builder.functionals(model.space)
+        self._measured = functionals
         self.facts |= {"n_dofs": model.space.n_dofs, "functionals": functionals.count}
+        if mesh is not None:
+            self.facts |= {"nodes": len(mesh.points), "cells": len(mesh.cells)}
         if self.save:
             if isinstance(model, AffineModel):
                 for term in (*model.second_order, *model.first_order, *model.zeroth_order):
@@ -154,9 +162,15 @@ class Measurement:
             solved = model.solve(parameters)
         self.costs["memory solving"] = peak_memory()
         self.facts["steps"] = len(solved.times)
+        contrasts = builder.contrasts(model.space, builder.parameters(model))
+        self.facts["contrasts"] = [[each.label, each.field, each.constant] for each in contrasts]
         if self.save:
             for field in model.space.fields:
                 self.arrays[f"trajectory {field.name}"] = solved.states[model.space.layout.block(field.name)]
+                if self.job.probes:
+                    at = model.space.evaluation(np.array(self.job.probes), field.name)
+                    self.arrays[f"probe {field.name}"] = np.asarray(at @ solved.states)
+            self.arrays["trajectory measured"] = self._measured(solved.states)
 
     def estimate(self) -> None:
         """Train, prepare and validate every estimator, as a run of the scene does."""

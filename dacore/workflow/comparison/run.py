@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from dacore.core.mesh import Mesh
 from dacore.errors import SceneError
 from dacore.io.atomic import make_folder
 from dacore.io.scene import read_table, validate
@@ -134,12 +135,12 @@ def compare(
         raise SceneError(f"--rounds: got {rounds}, expected at least 1")
     board = board or ProgressBoard()
     chosen = variants(read_table(path, changes), axes)
-    builders = [_checked(variant, path) for variant in chosen]
+    builders = [checked(variant, path) for variant in chosen]
     with tempfile.TemporaryDirectory(prefix="dacore-compare-") as scratch:
         kept = cache or Path(scratch) / "cache"
         make_folder(kept)
         for builder in builders:
-            _make_domain(builder, kept)
+            make_domain(builder, kept)
         results: list[list[dict[str, Any]]] = [[] for _ in chosen]
         for number in range(rounds):
             for k, variant in enumerate(chosen):
@@ -151,26 +152,27 @@ def compare(
                     variant.table, f"{path} ({variant.label})", str(path.parent), str(kept), str(folder), depth,
                     workers or usable_cores(), save=number == 0,
                 )  # fmt: skip
-                results[k].append(_measure(job, variant.label, number, board))
+                results[k].append(run_job(job, variant.label, number, board))
         return Comparison(builders[0].scene.title, axes, depth, _collect(chosen, results, Path(scratch)), builders)
 
 
-def _checked(variant: Variant, path: Path) -> Builder:
+def checked(variant: Variant, path: Path) -> Builder:
+    """Return what makes a variant's objects; SceneError if it is not a valid scene."""
     where = f"{path} ({variant.label})"
     builder = Builder(validate(variant.table, where), where, path.parent)
     builder.check()
     return builder
 
 
-def _make_domain(builder: Builder, cache: Path) -> None:
+def make_domain(builder: Builder, cache: Path) -> Mesh | None:
     """Make a domain before anything is measured, or making it would count as the first variant's memory."""
-    if builder.scene.domain is not None:
-        runner = Runner(scene_pipeline(builder), cache)
-        if not runner.path(runner.pipeline["domain"]).exists():
-            _ = runner["domain"]
+    if builder.scene.domain is None:
+        return None
+    mesh: Mesh = Runner(scene_pipeline(builder), cache)["domain"]
+    return mesh
 
 
-def _measure(job: Job, label: str, number: int, board: ProgressBoard) -> dict[str, Any]:
+def run_job(job: Job, label: str, number: int, board: ProgressBoard) -> dict[str, Any]:
     """Run a job in a process of its own and return its result."""
     out = Path(job.folder) / "measured.json"
     out.unlink(missing_ok=True)

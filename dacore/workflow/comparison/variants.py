@@ -26,10 +26,13 @@ class Axis:
     values : tuple
         Names. Of observations and estimators of the scene, several joined by "+" are used together.
         For a key of a scene, its values.
+    labels : tuple of str, optional
+        Short names of the values.
     """
 
     key: str
     values: tuple[Any, ...]
+    labels: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.values:
@@ -72,21 +75,14 @@ def axis_of(text: str) -> Axis:
 
 
 def variants(table: Mapping[str, Any], axes: Sequence[Axis]) -> list[Variant]:
-    """Every combination of the axes' values, the first axis slowest.
+    """Every combination of the axes' values, the first axis slowest; at least two.
 
     Raises
     ------
     SceneError
         If there is nothing to compare, or a name is not in the scene.
     """
-    out = []
-    for values in product(*(axis.values for axis in axes)):
-        changed = copy.deepcopy(dict(table))
-        for axis, value in zip(axes, values, strict=True):
-            _change(changed, axis.key, value)
-        # What is the same in all of them names none of them.
-        different = [value for axis, value in zip(axes, values, strict=True) if len(axis.values) > 1]
-        out.append(Variant(" · ".join(map(_label, different)), changed))
+    out = combinations(table, axes)
     if len(out) < 2:
         raise SceneError(
             "compare: got one variant, expected at least two; name some: --backends skfem,dolfinx, --solvers, "
@@ -95,8 +91,22 @@ def variants(table: Mapping[str, Any], axes: Sequence[Axis]) -> list[Variant]:
     return out
 
 
-def _label(value: Any) -> str:
-    return value.replace("+", " + ") if isinstance(value, str) else str(value)
+def combinations(table: Mapping[str, Any], axes: Sequence[Axis]) -> list[Variant]:
+    """Every combination of the axes' values, the first axis slowest, named by what differs among them."""
+    out = []
+    for numbers in product(*(range(len(axis.values)) for axis in axes)):
+        changed = copy.deepcopy(dict(table))
+        for axis, k in zip(axes, numbers, strict=True):
+            _change(changed, axis.key, axis.values[k])
+        # What is the same in all of them names none of them.
+        different = [_label(axis, k) for axis, k in zip(axes, numbers, strict=True) if len(axis.values) > 1]
+        out.append(Variant(" · ".join(different), changed))
+    return out
+
+
+def _label(axis: Axis, k: int) -> str:
+    value = axis.values[k]
+    return axis.labels[k] if axis.labels else value.replace("+", " + ") if isinstance(value, str) else str(value)
 
 
 def _change(table: dict[str, Any], key: str, value: Any) -> None:
