@@ -17,3 +17,24 @@ def dacore_backends() -> list[PluginSpec]:
             summary="FEniCS: compiled forms, 0.5.2 (Debian 12) to 0.11",
         )
     ]
+
+
+@hookimpl
+def dacore_solvers() -> list[PluginSpec]:
+    """Declare the linear solvers."""
+    return [
+        PluginSpec(
+            "petsc_krylov",
+            "dacore_dolfinx.solvers:PetscKrylov",
+            requires=("petsc4py",),
+            install=_INSTALL,
+            summary="PETSc: GMRES or BiCGSTAB, incomplete factors of the blocks",
+        ),
+        PluginSpec(
+            "petsc_mumps",
+            "dacore_dolfinx.solvers:PetscMumps",
+            requires=("petsc4py",),
+            install=_INSTALL,
+            summary="PETSc: LDLT factorisation by MUMPS, double precision",
+        ),
+    ]

@@ -1,0 +1,93 @@
+"""Linear solvers of PETSc, declared through the plugin door; PETSc is imported where a system is first prepared."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from dacore.core.arrays import BoolArray, Sparse
+from dacore.core.solver import LinearSolver, SolverMethod
+from dacore.errors import ShapeError
+from dacore_dolfinx.krylov import KrylovSolver, Method, Preconditioner
+from dacore_dolfinx.mumps import MumpsSolver
+
+
+@dataclass(frozen=True)
+class PetscKrylov(SolverMethod):
+    """A Krylov method of PETSc with incomplete factorisations; nothing is shared between parameter samples.
+
+    Parameters
+    ----------
+    method : {"gmres", "bicgstab"}
+        For a system that is positive definite as a whole it is conjugate gradients instead.
+    preconditioner : {"blocks", "ilu"}
+        "blocks" is block triangular: incomplete Cholesky of the displacements, incomplete LU of the pressures'
+        Schur complement C + B diag(A)⁻¹ Bᵀ. "ilu" factors the whole matrix at once.
+    fill : int
+        Levels of fill of the incomplete factorisations, 0 to 10. More memory for fewer iterations.
+    restart : int
+        Iterations of GMRES before a restart; as many vectors are kept.
+    iterations : int
+        At most, for one correction of the solution.
+
+    Raises
+    ------
+    ShapeError
+        If a setting is out of range.
+    """
+
+    method: Method = "gmres"
+    preconditioner: Preconditioner = "blocks"
+    fill: int = 0
+    restart: int = 50
+    iterations: int = 1000
+
+    def __post_init__(self) -> None:
+        _one_of("method", self.method, ("gmres", "bicgstab"))
+        _one_of("preconditioner", self.preconditioner, ("blocks", "ilu"))
+        _within("fill", self.fill, 0, 10)
+        _within("restart", self.restart, 1, 10_000)
+        _within("iterations", self.iterations, 1, 1_000_000)
+
+    def prepare(self, matrix: Sparse, definite: BoolArray, tolerance: float, analysis: Any = None) -> LinearSolver:
+        """Make the preconditioner."""
+        return KrylovSolver(
+            matrix, definite, tolerance, self.method, self.preconditioner, self.fill, self.restart, self.iterations
+        )
+
+
+@dataclass(frozen=True)
+class PetscMumps(SolverMethod):
+    """LDLᵀ factorisation by MUMPS in double precision, ordered anew for each matrix.
+
+    Parameters
+    ----------
+    pivot_threshold : float
+        From 0, no pivoting, to 0.5, the most stable. A quasi-definite system needs little.
+    extra_memory : int
+        Work space beyond MUMPS's own estimate, in per cent.
+
+    Raises
+    ------
+    ShapeError
+        If a setting is out of range.
+    """
+
+    pivot_threshold: float = 0.01
+    extra_memory: int = 20
+
+    def __post_init__(self) -> None:
+        _within("pivot_threshold", self.pivot_threshold, 0.0, 0.5)
+        _within("extra_memory", self.extra_memory, 0, 1000)
+
+    def prepare(self, matrix: Sparse, definite: BoolArray, tolerance: float, analysis: Any = None) -> LinearSolver:
+        """Factorise the matrix."""
+        return MumpsSolver(matrix, definite, tolerance, self.pivot_threshold, self.extra_memory)
+
+
+def _one_of(name: str, given: str, allowed: tuple[str, ...]) -> None:
+    if given not in allowed:
+        raise ShapeError(f"{name}: got {given!r}, expected one of {', '.join(allowed)}")
+
+
+def _within(name: str, given: float, low: float, high: float) -> None:
+    if not low <= given <= high:
+        raise ShapeError(f"{name}: got {given}, expected {low} to {high}")
