@@ -1,7 +1,8 @@
 """From training trajectories to a Background: one POD for each field, the data read in passes."""
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+import logging
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -14,6 +15,11 @@ from dacore.core.parameters import ParameterSpace
 from dacore.core.reduced import ReducedSpace
 from dacore.core.space import Product, StateSpace
 from dacore.errors import AccuracyError, ShapeError
+
+logger = logging.getLogger(__name__)
+
+# A hundredth of what varies between samples may be lost without a word.
+_LOST = 1e-2
 
 
 def compress(
@@ -86,6 +92,7 @@ def compress(
             left[name] += float(np.einsum("ij,ij->", residual, basis.product @ residual))
             coefficients[start : start + basis.dimension, :, k] = part
             start += basis.dimension
+    _warn_of_lost_variation(coefficients, bases, left)
     reached = {name: float(np.sqrt(left[name] / totals[name])) for name in bases}
     for name, error in reached.items():
         if error > 1.05 * tolerance:
@@ -94,3 +101,27 @@ def compress(
                 "raise training.tolerance"
             )
     return Background(space, bases, coefficients, times, parameters, samples, kind, reached)
+
+
+def _warn_of_lost_variation(coefficients: Array, bases: Mapping[str, ReducedSpace], left: Mapping[str, float]) -> None:
+    """Warn where the tolerance, which counts a field's constant part too, swallows what varies between samples.
+
+    Parameters
+    ----------
+    coefficients : (r, t, K) array
+    bases : mapping of str to ReducedSpace
+    left : mapping of str to float
+        Squared norm of what each field lost.
+    """
+    start = 0
+    for name, basis in bases.items():
+        part = coefficients[start : start + basis.dimension]
+        start += basis.dimension
+        varying = float(np.linalg.norm(part - part.mean(axis=2, keepdims=True)))
+        lost = float(np.sqrt(left[name]))
+        # One sample varies from nothing, and round-off is no variation.
+        if part.shape[2] > 1 and lost > _LOST * varying and lost > 1e-13 * float(np.linalg.norm(part)):
+            logger.warning(
+                "compression of %s: it leaves out %.0f%% of what varies between samples, since the field's constant "
+                "part is so much larger; lower training.tolerance", name, 100 * min(lost / max(varying, lost), 1.0),
+            )  # fmt: skip

@@ -74,7 +74,7 @@ class RieszMap(Riesz):
                 dofs = self.space.layout.component(name, component)
                 if load[dofs].any():
                     out[dofs] = self._solve(name, load[dofs]) / self.weights[name]
-        return out.reshape(-1, *weights.shape[1:])
+        return out.reshape(self.space.n_dofs, *weights.shape[1:])
 
     def pair(self, functionals: Functionals) -> Array:
         """Return q M⁻¹ ℓᵀ (s, m), zero at once where q and ℓ share no component."""

@@ -58,8 +58,11 @@ def modes_of(
         raise ShapeError(f"snapshots: got {count} columns, expected at least one and finite values only")
     residual, weighted = snapshots, product @ snapshots
     total = float(np.einsum("ij,ij->", residual, weighted))
-    if not total > 0:
-        raise ShapeError("snapshots: all are zero; nothing to decompose")
+    if not 0 < total < np.inf:
+        raise ShapeError(
+            f"snapshots: the sum of their squares is {total:g}, expected a positive number; all are zero, or so small "
+            "or large that squares leave the range of double: change the unit"
+        )
     limit = min(n, count, max_rank if max_rank is not None else count)
     target = max(tolerance, 1e-14) * np.sqrt(total)
     left = np.sqrt(total)

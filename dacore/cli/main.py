@@ -163,6 +163,44 @@ def bench(
 
 
 @app.command()
+def stress(
+    scene: SceneFile,
+    themes: Annotated[str | None, typer.Option("--themes", metavar="A,B", help="physics, data, noise …")] = None,
+    case: Annotated[str, typer.Option("--case", metavar="TEXT", help="cases whose name contains this")] = "",
+    page: Annotated[
+        Path | None, typer.Option("--page", metavar="FILE", help="a Markdown page whose tables are replaced")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="where results go [runs/NAME-stress]")
+    ] = None,
+    cache: Cache = None,
+    changes: Changes = None,
+    workers: Workers = None,
+) -> None:
+    """Try hard cases on a scene: which are answered, which are refused, and whether an error goes unsaid."""
+    from dacore.cli.progress import RichBoard
+    from dacore.io.atomic import make_folder
+    from dacore.workflow.comparison.variants import names
+    from dacore.workflow.stress.catalogue import chosen
+    from dacore.workflow.stress.output import publish, tables, update
+    from dacore.workflow.stress.run import stress as run_catalogue
+
+    cases = chosen(names(themes or ""), case)
+    folder = out if out is not None else Path("runs") / f"{scene.stem}-stress"
+    with RichBoard() as board:
+        make_folder(folder)
+        found = run_catalogue(scene, cases, changes or [], cache or folder / "cache", workers or 1, board)
+        files = publish(found, folder, " ".join(["dacore", *sys.argv[1:]]))
+        if page is not None:
+            update(found, page)
+    board.show(tables(found), files)
+    for each in found.failed:
+        typer.echo(f"error: {each.case.name}: {each.verdict}: {each.said}", err=True)
+    if found.failed:
+        raise typer.Exit(1)
+
+
+@app.command()
 def plugins() -> None:
     """List what is installed, what failed and why, what is missing and how to install it."""
     from dacore.cli.progress import print_plugins

@@ -98,7 +98,8 @@ class Estimate:
         """Values (s, k) of a quantity; s counts its functionals times its outputs in time."""
         values = self.functional(quantity.functionals(self.background.space))
         weights = quantity.time_weights(values.shape[1])
-        return np.asarray(np.einsum("ot,stk->sok", weights, values)).reshape(-1, self.n_series)
+        every = np.asarray(np.einsum("ot,stk->sok", weights, values))
+        return every.reshape(every.shape[0] * every.shape[1], self.n_series)
 
     def standard_deviation(self, quantity: QuantityOfInterest) -> Array:
         """Standard deviation (s, k) of `quantity`; ShapeError if the estimator gives none."""
@@ -229,11 +230,33 @@ def observed_steps(background: Background, steps: IntArray | None) -> IntArray:
     return chosen
 
 
-def check_data(data: Array, m: int, t: int) -> Array:
-    """Return `data` as a finite float64 array (m, t, k); ShapeError says what is wrong."""
-    array = np.asarray(data, dtype=np.float64)
-    if array.ndim != 3 or array.shape[:2] != (m, t):
-        raise ShapeError(f"data: got shape {array.shape}, expected ({m}, {t}, any) = (functionals, steps, series)")
+def check_mask(mask: BoolArray | None, m: int) -> BoolArray | None:
+    """Return `mask` as (m,) booleans, None if it leaves everything; ShapeError if it is no mask or leaves nothing."""
+    if mask is None:
+        return None
+    flags = np.asarray(mask)
+    # Integers would select functionals by number instead of switching them off.
+    if flags.dtype != np.bool_ or flags.shape != (m,):
+        raise ShapeError(
+            f"mask: got {flags.dtype} of shape {flags.shape}, expected True or False for each of {m} functionals"
+        )
+    if not flags.any():
+        raise ShapeError(f"mask: leaves none of {m} functionals; expected at least one")
+    return None if flags.all() else flags
+
+
+def check_data(data: Array, m: int, t: int, mask: BoolArray | None = None) -> Array:
+    """Return `data` as a finite float64 array (m, t, k), zero where masked; ShapeError says what is wrong."""
+    given = np.asarray(data)
+    if given.ndim != 3 or given.shape[:2] != (m, t):
+        raise ShapeError(f"data: got shape {given.shape}, expected ({m}, {t}, any) = (functionals, steps, series)")
+    if not (np.issubdtype(given.dtype, np.floating) or np.issubdtype(given.dtype, np.integer)):
+        raise ShapeError(
+            f"data: got values of type {given.dtype}, expected real numbers; of phasors, give the values at each step"
+        )
+    array = np.asarray(given, dtype=np.float64)
+    if mask is not None:
+        array = np.where(mask[:, None, None], array, 0.0)
     if not np.isfinite(array).all():
         bad = int((~np.isfinite(array)).any(axis=(1, 2)).sum())
         raise ShapeError(f"data: {bad} of {m} functionals hold NaN or infinite values; leave them out with a mask")

@@ -33,6 +33,20 @@ class NoiseModel(ABC):
         return self.colour(rng.standard_normal(shape))
 
 
+# Whitened values are squared: beyond these, squares of ordinary data overflow or vanish.
+_SMALLEST, _LARGEST = 1e-100, 1e100
+
+
+def check_deviations(sigmas: Array) -> None:
+    """Raise ShapeError unless all standard deviations (m,) are positive and of a size that can be squared."""
+    wrong = ~((sigmas >= _SMALLEST) & (sigmas <= _LARGEST))
+    if wrong.any():
+        raise ShapeError(
+            f"noise: got a standard deviation of {sigmas[wrong][0]}, expected a positive number from {_SMALLEST:g} to "
+            f"{_LARGEST:g}; the level of the noise is given to estimate as noise_scale"
+        )
+
+
 @dataclass(frozen=True)
 class WhiteNoise(NoiseModel):
     """Independent noise of one standard deviation.
@@ -45,8 +59,7 @@ class WhiteNoise(NoiseModel):
     sigma: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.sigma) and self.sigma > 0):
-            raise ShapeError(f"noise: got a standard deviation of {self.sigma}, expected a positive number")
+        check_deviations(np.array([self.sigma]))
 
     def colour(self, white: Array) -> Array:
         """σ · white."""
@@ -77,8 +90,7 @@ class SensorNoise(NoiseModel):
     sigmas: Array
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.sigmas).all() and (self.sigmas > 0).all()):
-            raise ShapeError("noise: a standard deviation is not a positive finite number")
+        check_deviations(self.sigmas)
 
     def colour(self, white: Array) -> Array:
         """Scale each row."""

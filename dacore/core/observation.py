@@ -49,9 +49,18 @@ class Functionals:
             raise ShapeError("functionals: got none, expected at least one; is the grid inside the domain?")
         if not len(self.labels) == len(self.centres) == len(self.directions) == len(self.sites) == m:
             raise ShapeError(f"functionals: labels, centres, directions and sites must each have {m} rows")
-        empty = np.flatnonzero(np.diff(self.matrix.indptr) == 0)
+        if not np.isfinite(self.matrix.data).all():
+            rows = np.repeat(np.arange(m), np.diff(self.matrix.indptr))[~np.isfinite(self.matrix.data)]
+            raise ShapeError(
+                f"functionals: {len(np.unique(rows))} hold NaN or infinite weights (first: {self.labels[rows[0]]}); "
+                "leave them out"
+            )
+        # Zeros may be stored, so the number of entries says nothing.
+        empty = np.flatnonzero(np.asarray(abs(self.matrix).sum(axis=1)).ravel() == 0)
         if empty.size:
-            raise ShapeError(f"functionals: {empty.size} see nothing of the state (first: {self.labels[empty[0]]})")
+            raise ShapeError(
+                f"functionals: {empty.size} see nothing of the state (first: {self.labels[empty[0]]}); leave them out"
+            )
 
     @property
     def count(self) -> int:

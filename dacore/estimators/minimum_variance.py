@@ -9,6 +9,7 @@ observations N^(−½)LA = UΣVᵀ and noise of standard deviation s (in units o
 per time step, or once for the whole space–time trajectory.
 """
 
+import logging
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -23,6 +24,7 @@ from dacore.core.estimator import (
     PreparedEstimator,
     Uncertainty,
     check_data,
+    check_mask,
     check_scale,
     observed_steps,
 )
@@ -30,8 +32,13 @@ from dacore.core.noise import NoiseModel
 from dacore.core.observation import Functionals
 from dacore.errors import ShapeError
 from dacore.estimators.frames import fold_masks
+from dacore.estimators.plausible import Plausibility
 
 SMALLEST_FLOOR = 1e-12
+SMALLEST_VARIATION = 1e-13
+LARGEST_MISS = 0.05
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -66,6 +73,8 @@ class MinimumVariance(Estimator):
         """Decompose the whitened observations of the training anomalies."""
         if background.n_samples < 2:
             raise ShapeError(f"training: got {background.n_samples} trajectory, expected at least 2 for a covariance")
+        if self.deviations == "model":
+            _warn_of_few_samples(background)
         return PreparedMinimumVariance(self, background, functionals, noise, observed_steps(background, steps))
 
 
@@ -83,15 +92,20 @@ class PreparedMinimumVariance(PreparedEstimator):
     ) -> None:
         self.settings, self.background, self.functionals, self.noise = settings, background, functionals, noise
         self.steps = steps
-        if mask is not None and not mask.any():
-            raise ShapeError(f"mask: leaves none of {functionals.count} functionals; expected at least one")
         training = background.coefficients[:, steps]
         self.mean = training.mean(axis=2)
         self.anomalies = (training - self.mean[:, :, None]) / np.sqrt(background.n_samples - 1)
+        # What is left of equal trajectories less their mean is rounding, and would be taken for a covariance.
+        if not float(np.linalg.norm(self.anomalies)) > SMALLEST_VARIATION * float(np.linalg.norm(training)):
+            raise ShapeError(
+                "training set: all trajectories are the same, so there is no covariance; train on more than one "
+                "sample, or give a parameter a range"
+            )
         observed = background.observe(functionals.matrix)
         self.expected = observed @ self.mean
         self.keep = np.ones(functionals.count, dtype=bool) if mask is None else mask
         self._kept_noise = noise if mask is None else noise.marginal(mask)
+        self._plausibility = Plausibility(observed[self.keep], training, self._kept_noise)
         windows = self._windows(self._kept_noise.whiten(np.tensordot(observed[self.keep], self.anomalies, axes=1)))
         self._white = windows
         self.factors = [np.linalg.svd(window, full_matrices=False) for window in windows]
@@ -100,7 +114,7 @@ class PreparedMinimumVariance(PreparedEstimator):
     def _windows(self, white: Array) -> list[Array]:
         """Whitened values (m, t, k) in groups that are used together: (m · t, k), or t of (m, k)."""
         if self.settings.window == "cycle":
-            return [white.reshape(-1, white.shape[2])]
+            return [white.reshape(white.shape[0] * white.shape[1], white.shape[2])]
         return list(white.swapaxes(0, 1))
 
     @cached_property
@@ -133,17 +147,17 @@ class PreparedMinimumVariance(PreparedEstimator):
 
     def estimate(self, data: Array, noise_scale: Array | float = 1.0, mask: BoolArray | None = None) -> Estimate:
         """Estimate states; the noise scale decides how much the data are trusted."""
-        if mask is not None and not mask.all():
-            if mask.shape != (self.functionals.count,):
-                raise ShapeError(f"mask: got shape {mask.shape}, expected ({self.functionals.count},)")
-            again = PreparedMinimumVariance(
-                self.settings, self.background, self.functionals, self.noise, self.steps, mask
-            )
-            return again.estimate(np.where(mask[:, None, None], data, 0.0), noise_scale)
-        values = check_data(data, self.functionals.count, len(self.steps)) - self.expected[:, :, None]
-        white = self._kept_noise.whiten(values[self.keep])
-        k = data.shape[2]
+        flags = check_mask(mask, self.functionals.count)
+        raw = check_data(data, self.functionals.count, len(self.steps), flags)
+        k = raw.shape[2]
         scale = check_scale(noise_scale, k)
+        if flags is not None:
+            again = PreparedMinimumVariance(
+                self.settings, self.background, self.functionals, self.noise, self.steps, flags
+            )
+            return again.estimate(raw, scale)
+        self._plausibility.check(raw[self.keep], scale)
+        white = self._kept_noise.whiten((raw - self.expected[:, :, None])[self.keep])
         windows = self._windows(white)
         weights = []
         for (u, s, vt), floor, window in zip(self.factors, self.floors, windows, strict=True):
@@ -178,6 +192,25 @@ def unrepresented(values: Array, folds: int = 8) -> float:
         left = left - basis @ (basis.T @ left)
         total += float((left**2).sum())
     return float(np.sqrt(total / values.size))
+
+
+def _warn_of_few_samples(background: Background) -> None:
+    """Warn where the training set's covariance leaves out much of what another sample would be."""
+    parts = []
+    for field in background.space.fields:
+        values = background.coefficients[background.block(field.name)]
+        values = values - values.mean(axis=2, keepdims=True)
+        size = float(np.linalg.norm(values))
+        # Fields count alike: what matters is which combinations of them were seen together.
+        parts.append((values / size if size > 0 else values).reshape(-1, background.n_samples))
+    joint = np.concatenate(parts)
+    missed, spread = unrepresented(joint), float(np.sqrt((joint**2).mean()))
+    if missed > LARGEST_MISS * spread:
+        logger.warning(
+            "deviations = 'model': %d samples cannot represent %.0f%% of what another one would vary, so that claimed "
+            "deviations are too small; use deviations = 'held_out', or train on more samples",
+            background.n_samples, 100 * min(missed / spread, 1.0),
+        )  # fmt: skip
 
 
 def _unit(count: int, others: int) -> float:

@@ -25,6 +25,7 @@ from dacore.core.estimator import (
     PreparedEstimator,
     Uncertainty,
     check_data,
+    check_mask,
     check_scale,
     observed_steps,
 )
@@ -44,6 +45,7 @@ from dacore.estimators.frames import (
     held_out_tails,
     offset_of,
 )
+from dacore.estimators.plausible import Plausibility
 
 SMALLEST_INF_SUP = 1e-10
 DEVIATION_FOLDS = 5
@@ -154,8 +156,6 @@ class PreparedPBDW(PreparedEstimator):
     ) -> None:
         self.settings, self.background, self.functionals, self.noise = settings, background, functionals, noise
         self.steps, self.offset, self.frames, self.riesz, self.weights = steps, offset, tuple(frames), riesz, weights
-        if mask is not None and not mask.any():
-            raise ShapeError(f"mask: leaves none of {functionals.count} functionals; expected at least one")
         self.observed_modes = background.observe(functionals.matrix)
         self.keep = np.arange(functionals.count) if mask is None else np.flatnonzero(mask)
         self.factor = orthonormaliser(riesz.gram, functionals.labels, mask)
@@ -165,6 +165,8 @@ class PreparedPBDW(PreparedEstimator):
         self.dimensions = np.array(
             [self._choose(frame, beta) for frame, beta in zip(self.frames, self.constants, strict=True)]
         )
+        kept = noise if mask is None else noise.marginal(mask)
+        self._plausibility = Plausibility(seen, background.coefficients[:, steps], kept)
         self.solvers = [np.linalg.qr(g[:, :n]) for g, n in zip(self.cross, self.dimensions, strict=True)]
 
     def _choose(self, frame: Frame, constants: Array) -> int:
@@ -215,35 +217,38 @@ class PreparedPBDW(PreparedEstimator):
 
     def masked(self, mask: BoolArray) -> "PreparedPBDW":
         """Return the same estimator on the functionals of `mask` (m,); the Gram matrix is reused."""
-        if mask.shape != (self.functionals.count,):
-            raise ShapeError(f"mask: got shape {mask.shape}, expected ({self.functionals.count},)")
+        flags = check_mask(mask, self.functionals.count)
         return PreparedPBDW(
             self.settings, self.background, self.functionals, self.noise, self.steps, self.offset, self.frames,
-            self.riesz, self.weights, mask,
+            self.riesz, self.weights, flags,
         )  # fmt: skip
 
     def estimate(self, data: Array, noise_scale: Array | float = 1.0, mask: BoolArray | None = None) -> Estimate:
         """Estimate states; the data are fitted exactly whatever the noise."""
-        if mask is not None and not mask.all():
-            return self.masked(mask).estimate(np.where(mask[:, None, None], data, 0.0), noise_scale)
-        values = check_data(data, self.functionals.count, len(self.steps))[self.keep]
+        flags = check_mask(mask, self.functionals.count)
+        raw = check_data(data, self.functionals.count, len(self.steps), flags)
+        scale = check_scale(noise_scale, raw.shape[2])
+        if flags is not None:
+            return self.masked(flags).estimate(raw, scale)
+        values = raw[self.keep]
+        self._plausibility.check(values, scale)
         shifted = values - (self.observed_modes[self.keep] @ self.offset)[:, :, None]
         white = lower_solve(self.factor, shifted)
-        coefficients = np.repeat(self.offset[:, :, None], data.shape[2], axis=2)
+        coefficients = np.repeat(self.offset[:, :, None], raw.shape[2], axis=2)
         left = np.empty_like(white)
         for k, selection in self._groups():
             n = self.dimensions[k]
             q, r = self.solvers[k]
-            block = white[:, selection].reshape(len(white), -1)
+            part = white[:, selection]
+            block = part.reshape(len(part), part.shape[1] * part.shape[2])
             c = np.linalg.solve(r, q.T @ block)
-            shape = (-1, white[:, selection].shape[1], data.shape[2])
-            coefficients[:, selection] += (self.frames[k].modes[:, :n] @ c).reshape(shape)
-            left[:, selection] = (block - self.cross[k][:, :n] @ c).reshape(shape)
+            found = self.frames[k].modes[:, :n] @ c
+            coefficients[:, selection] += found.reshape(len(found), *part.shape[1:])
+            left[:, selection] = (block - self.cross[k][:, :n] @ c).reshape(part.shape)
         correction = None
         if self.settings.correction:
-            correction = np.zeros_like(np.asarray(data, dtype=np.float64))
+            correction = np.zeros_like(raw)
             correction[self.keep] = lower_transpose_solve(self.factor, left)
-        scale = check_scale(noise_scale, data.shape[2])
         return Estimate(
             self.background, self.steps, coefficients, correction, self.riesz, _PBDWError(self, scale),
         )  # fmt: skip

@@ -207,7 +207,9 @@ class Voxels(ObservationOperator):
         if layer is None:
             along = geometry.points @ grid.axes.T
             spans = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(along.min(axis=0), along.max(axis=0), strict=True))
-            raise ShapeError(f"voxels: {name} lies outside the domain, which spans {spans} cm along the grid's axes")
+            raise ShapeError(
+                f"voxels: {name} lies outside the domain, which spans {spans} cm along the grid's axes; move it"
+            )
         part = cover(geometry, self.field, layer, self.coverage, self.quadrature)
         missing = len(part.dropped) + part.unseen
         if self.outside == "error" and missing:

@@ -1,0 +1,1 @@
+"""What breaks first: a catalogue of hard cases, each judged against an independent reference."""
