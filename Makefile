@@ -27,13 +27,13 @@ export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME PETSC_DIR
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test slow bench check clean
+.PHONY: help demo test slow verify bench check clean
 .DELETE_ON_ERROR:
 
 # Test processes already share the cores; threads of BLAS in each would only fight over them.
-test slow bench: export OMP_NUM_THREADS := 1
-test slow bench: export OPENBLAS_NUM_THREADS := 1
-test slow bench: export MKL_NUM_THREADS := 1
+test slow verify bench: export OMP_NUM_THREADS := 1
+test slow verify bench: export OPENBLAS_NUM_THREADS := 1
+test slow verify bench: export MKL_NUM_THREADS := 1
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{ printf "%-12s %s\n", $$1, $$2 }'
@@ -46,6 +46,10 @@ test: $(TESTED)/.dev ## run every test but the longer studies, on all three back
 
 slow: $(TESTED)/.dev ## run the longer studies
 	$(PYTEST) -m slow
+
+verify: $(TESTED)/.dev ## compare the forward model with solutions by formula; writes docs/verification.md and its figures
+	$(PYTEST) tests/verification tests/convergence -m '' -n $(WORKERS)
+	$(TESTED)/bin/python -m tests.verification
 
 bench: $(TESTED)/.dev ## measure run times (tests/benchmarks/bench_*.py)
 	$(PYTEST) tests/benchmarks -o python_files='bench_*.py' -m '' -q -s

@@ -24,7 +24,7 @@ from dacore.dynamics.scheme import State
 from dacore.dynamics.static import consistent_start
 from dacore_biot import material
 from dacore_biot.operators import biot_fields, biot_terms
-from dacore_skfem.backend import SkfemBackend
+from tests.backends import READY, backend
 
 THETA = {
     "density": 1.2,
@@ -103,10 +103,10 @@ def interpolate(space, shapes):
     return out
 
 
-def manufactured(mesh, order, shapes, a, b):
+def manufactured(mesh, order, shapes, a, b, name=READY[0]):
     """Affine model whose solution is a(t) U, b(t) P; a and b are sequences of (f, f', f'')."""
     d = mesh.dim
-    discretization = SkfemBackend().discretize(mesh, biot_fields(d, order))
+    discretization = backend(name).discretize(mesh, biot_fields(d, order))
     space, terms = FiniteElementSpace(discretization), biot_terms(discretization)
     layout, nodes = discretization.layout, mesh.nodes(order)
     *U, P = shapes
@@ -195,45 +195,49 @@ def family(polynomial):
     return polynomial, polynomial.deriv(), polynomial.deriv(2)
 
 
-@pytest.mark.parametrize(
-    ("dim", "order", "sizes", "expected"),
-    [
-        (2, 1, (8, 16, 32), {"u": 2, "grad u": 1, "p": 2, "grad p": 1}),
-        (2, 2, (4, 8, 16), {"u": 2, "grad u": 2, "p": 2, "grad p": 1}),
-        (3, 1, (4, 8, 12), {"u": 2, "grad u": 1, "p": 2, "grad p": 1}),
-    ],
-    ids=["2-D P1-P1", "2-D P2-P1", "3-D P1-P1"],
-)
-def test_rates_in_space(dim, order, sizes, expected):
-    """Quadratic a and b are exact in time for β = 1/4, γ = 1/2, so that two steps leave the error in space.
+SPACES = {
+    "2-D P1–P1": (2, 1, (8, 16, 32), {"u": 2, "grad u": 1, "p": 2, "grad p": 1}),
+    "2-D P2–P1": (2, 2, (4, 8, 16), {"u": 2, "grad u": 2, "p": 2, "grad p": 1}),
+    "3-D P1–P1": (3, 1, (4, 8, 12), {"u": 2, "grad u": 1, "p": 2, "grad p": 1}),
+    "3-D P2–P1": (3, 2, (3, 6), {"u": 2, "grad u": 2, "p": 2, "grad p": 1}),
+}
 
-    In P2–P1 the pressure's own error, of order 2, limits u in L² too; its gradient gains an order.
-    """
+
+def errors_in_space(name, dim, order, sizes):
+    """Quadratic a and b are exact in time for β = 1/4, γ = 1/2, so that two steps leave the error in space."""
     a, b, shapes = family(Polynomial([1.0, 0.5, 0.7])), family(Polynomial([1.0, -0.8, 0.9])), wavy(dim)
     errors = []
     for size in sizes:
-        model = manufactured(box((size,) * dim), order, shapes, a, b)
+        model = manufactured(box((size,) * dim), order, shapes, a, b, name)
         state = march(model, SECOND_ORDER, shapes, a, b, 0.5, 2)
         errors.append(norms(model, state, shapes, (a[0](0.5), b[0](0.5))))
-    for name, rate in expected.items():
-        seen = np.diff(np.log([e[name] for e in errors])) / -np.diff(np.log(sizes))
-        assert seen[-1] > rate - 0.15, f"{name}: rates {seen}, errors {[e[name] for e in errors]}"
+    return errors
 
 
-@pytest.mark.parametrize(
-    ("scheme", "order"),
-    [
-        (SECOND_ORDER, 2),
-        (Newmark(0.5, 1.0, "backward_euler"), 1),
-        (Newmark(0.5, 1.0, "newmark"), 1),
-        (Newmark(0.25, 0.5, "backward_euler"), 1),
-        (Newmark(0.3025, 0.6, "newmark"), 1),
-        (GeneralizedAlpha(0.0), 2),
-        (GeneralizedAlpha(0.5), 2),
-        (GeneralizedAlpha(1.0), 2),
-    ],
-    ids=lambda each: getattr(each, "label", None),
-)
+@pytest.mark.parametrize("case", SPACES)
+@pytest.mark.parametrize("name", READY)
+def test_rates_in_space(name, case):
+    """In P2–P1 the pressure's own error, of order 2, limits u in L² too; its gradient gains an order."""
+    dim, order, sizes, expected = SPACES[case]
+    errors = errors_in_space(name, dim, order, sizes)
+    for quantity, rate in expected.items():
+        seen = np.diff(np.log([e[quantity] for e in errors])) / -np.diff(np.log(sizes))
+        assert seen[-1] > rate - 0.15, f"{quantity}: rates {seen}, errors {[e[quantity] for e in errors]}"
+
+
+SCHEMES = [
+    (SECOND_ORDER, 2),
+    (Newmark(0.5, 1.0, "backward_euler"), 1),
+    (Newmark(0.5, 1.0, "newmark"), 1),
+    (Newmark(0.25, 0.5, "backward_euler"), 1),
+    (Newmark(0.3025, 0.6, "newmark"), 1),
+    (GeneralizedAlpha(0.0), 2),
+    (GeneralizedAlpha(0.5), 2),
+    (GeneralizedAlpha(1.0), 2),
+]
+
+
+@pytest.mark.parametrize(("scheme", "order"), SCHEMES, ids=lambda each: getattr(each, "label", None))
 @pytest.mark.parametrize("graded", [0, 5])
 def test_rates_in_time(scheme, order, graded):
     check_rates_in_time(scheme, order, graded)
@@ -247,7 +251,14 @@ def test_rates_in_time_when_the_first_step_is_backward_euler(rho, graded):
 
 
 def check_rates_in_time(scheme, order, graded, lag=0.0):
-    """Linear U and P are exact in space."""
+    counts, errors = errors_in_time(scheme, graded, lag)
+    for field, seen in errors.items():
+        rates = np.diff(np.log(seen)) / -np.diff(np.log(counts))
+        assert abs(rates[-1] - order) < 0.15, f"{field}: rates {rates}, errors {seen}"
+
+
+def errors_in_time(scheme, graded=0, lag=0.0):
+    """Numbers of steps, and errors of u and p at the nodes; linear U and P are exact in space."""
     a = (lambda t: np.sin(3 * t), lambda t: 3 * np.cos(3 * t), lambda t: -9 * np.sin(3 * t))
     b = (lambda t: np.cos(2 * t), lambda t: -2 * np.sin(2 * t), lambda t: -4 * np.cos(2 * t))
     shapes = straight(2)
@@ -256,7 +267,5 @@ def check_rates_in_time(scheme, order, graded, lag=0.0):
     counts = np.array([128, 256, 512])
     states = [march(model, scheme, shapes, a, b, 1.0, n, graded, lag) for n in counts]
     differences = np.stack(states, axis=1) - exact[:, None]
-    for field in ("u", "p"):
-        errors = np.linalg.norm(differences[model.space.layout.block(field)], axis=0)
-        rates = np.log2(errors[:-1] / errors[1:])
-        assert abs(rates[-1] - order) < 0.15, f"{field}: rates {rates}, errors {errors}"
+    blocks = {field: model.space.layout.block(field) for field in ("u", "p")}
+    return counts, {field: np.linalg.norm(differences[rows], axis=0) for field, rows in blocks.items()}

@@ -119,7 +119,7 @@ def shaken(name, dim, order, n, column=SHAKEN):
 
 def sunk(name, dim, order, n, column=SUNK):
     """A column that feels its weight at once; no seepage, so that one step of any length is the answer."""
-    on, held, top, up = _column(name, dim, order, n)
+    on, held, _, up = _column(name, dim, order, n)
     down = np.zeros(dim)
     down[up] = -column.medium.density * column.gravity
     model = poroelastic(on, space_of(column.medium), Conditions(held), (load(on, body_force(on, down)),), inertia=False)

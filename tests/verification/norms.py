@@ -8,7 +8,7 @@ from scipy.special import roots_jacobi
 from dacore.core.simplex import barycentric_gradients, lagrange, lagrange_gradient
 
 
-def rule(dim, points=4):
+def rule(dim, points=3):
     """Barycentric points (q, d + 1) and weights (q,), summing to 1, exact to degree 2 · points − 1 (Stroud 1971)."""
     sides = [roots_jacobi(points, dim - 1 - k, 0) for k in range(dim)]
     nodes = np.array(list(product(*[(x + 1) / 2 for x, _ in sides])))

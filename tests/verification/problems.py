@@ -38,13 +38,18 @@ class Problem:
     blind: tuple = ()
     """Mistakes of `setting.SPOILT` that this problem cannot see."""
 
-    def study(self, name, sizes=None, factors=None):
-        """Errors of each mesh, smallest first."""
-        out = []
-        for n in sizes or self.sizes:
-            case = self.make(name, n)
-            out.append(self.solve(case.spoilt(factors) if factors else case, n))
-        return out
+    @property
+    def probe(self):
+        """The two coarsest meshes: enough to notice a mistake."""
+        return self.sizes[:2]
+
+    def cases(self, name, sizes=None):
+        """A case for each mesh, smallest first."""
+        return [(n, self.make(name, n)) for n in sizes or self.sizes]
+
+    def study(self, name, sizes=None):
+        """Errors on each mesh."""
+        return [self.solve(case, n) for n, case in self.cases(name, sizes)]
 
     def check(self, found, sizes=None):
         """AssertionError unless the errors are as expected."""
@@ -54,7 +59,7 @@ class Problem:
             slack = self.slack.get(quantity, 0.2)
             assert abs(seen[-1] - order) < slack, f"{quantity}: rates {seen}, expected {order} +- {slack}"
         for quantity, cap in self.caps.items():
-            limit = cap * (self.sizes[-1] / sizes[-1]) ** 2
+            limit = cap * (self.sizes[-1] / sizes[-1]) ** self.orders.get(quantity, 0)
             assert found[-1][quantity] < limit, f"{quantity}: error {found[-1][quantity]:.2e}, expected < {limit:.2e}"
 
 
@@ -161,7 +166,7 @@ def _wave(undrained_bar, fixed, dim, order, sizes, fine, u, p):
         {name: _orders(order)[name] for name in quantities},
         caps,
         # The front is not yet resolved where a quick test can afford it: `make verify` goes on.
-        {"u": 0.3, "grad u": 0.45, "p": 0.4},
+        {"u": 0.3, "grad u": 0.45, "p": 0.65 if order == 1 else 0.4},
         unseen if undrained_bar else (*unseen, "alpha 5% high", "storage 5% high", *NO_FREE_WALL),
     )
 
@@ -209,7 +214,11 @@ def _squeezed(dim, order, drain):
         (3, 4),
         {},
         {"u": 1e-9} if drain else {"u": 1e-9, "p": 1e-9},
-        blind=(*NO_INERTIA, "permeability 5% high", *(("alpha 5% high", "storage 5% high", *NO_FREE_WALL) if drain else ())),
+        blind=(
+            *NO_INERTIA,
+            "permeability 5% high",
+            *(("alpha 5% high", "storage 5% high", *NO_FREE_WALL) if drain else ()),
+        ),
     )
 
 
@@ -226,7 +235,7 @@ PROBLEMS = {
     "cryer P2": _cryer(2, (3, 6), (4, 8, 12), 8e-3, 4e-2),
     "dry wave P1": _wave(False, True, 2, 1, (32, 64), (64, 128, 256), 1e-2, 0),
     "dry wave P2": _wave(False, False, 2, 2, (16, 32), (32, 64, 128), 1e-2, 0),
-    "tight wave P1": _wave(True, True, 2, 1, (32, 64, 128), (64, 128, 256), 6e-4, 3e-3),
+    "tight wave P1": _wave(True, True, 2, 1, (32, 64), (64, 128, 256), 2.5e-3, 1e-2),
     "tight wave P2": _wave(True, True, 2, 2, (16, 32), (32, 64, 128), 4e-2, 1e-1),
     "shaken P1": _shaken(2, 1, (8, 16), (16, 32, 64), 3e-3, 3e-3),
     "shaken P2": _shaken(2, 2, (8, 16), (8, 16, 32), 2e-3, 2e-3),

@@ -74,9 +74,7 @@ def test_terzaghi_from_its_images():
     z = np.linspace(0.01, 2, 40)
     for part in (1e-6, 1e-3, 0.1):
         reach = 2 * np.sqrt(part) * 2.0
-        images = sum(
-            (-1) ** m * (erfc((4 * m + z) / reach) + erfc((4 * (m + 1) - z) / reach)) for m in range(0, 20)
-        )
+        images = sum((-1) ** m * (erfc((4 * m + z) / reach) + erfc((4 * (m + 1) - z) / reach)) for m in range(20))
         p = column.pressure(z, part * column.time_scale) / column.initial_pressure
         np.testing.assert_allclose(p, 1 - images, atol=1e-12)
 

@@ -1,11 +1,14 @@
 """The energy of a discrete motion: kept, lost or carried away exactly as the scheme and the equations say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dacore.core.timegrid import TimeGrid
 from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.newmark import Newmark, State
+from dacore.dynamics.profiles import Sine
 from dacore_biot.analytic import Medium
 from tests.backends import READY
 from tests.verification.motion import Energy, bar, rates_of, shaken, wave
@@ -35,7 +38,7 @@ def test_a_free_wave_keeps_its_energy(name, undrained_bar, fixed):
     energy = Energy(case).total(states, rates)
     free = step * np.arange(199) > problem.pulse.duration
     assert np.ptp(energy[free]) < 1e-9 * energy.max()
-    # ∫ traction · velocity at the end, as long as nothing has come back: (traction²/(ρc)) over the pulse, and its width.
+    # Until something comes back the end moves with traction/(ρc): ∫ traction²/(ρc) over the pulse and the width.
     pulse, width = problem.pulse, 2 / 32 * problem.length
     brought = 35 / 128 * pulse.load**2 * pulse.duration / (problem.medium.density * problem.speed) * width
     assert energy[-1] == pytest.approx(brought, rel=0.02)
@@ -43,7 +46,10 @@ def test_a_free_wave_keeps_its_energy(name, undrained_bar, fixed):
 
 @pytest.mark.parametrize("beta", [0.5, 0.7])
 def test_a_damping_scheme_loses_what_theory_says(beta):
-    """γ = 1: E + (β − 1/2)τ² (ÿ, Mÿ)/2 falls by (Δy, AΔy)/2 + (β − 1/2)τ² (Δÿ, MΔÿ)/2 a step (Hughes 1987, section 9.4)."""
+    """γ = 1: E + (β − 1/2)τ² (ÿ, Mÿ)/2 falls by (Δy, AΔy)/2 + (β − 1/2)τ² (Δÿ, MΔÿ)/2 a step.
+
+    Hughes, The Finite Element Method (1987), chapter 9.
+    """
     problem = bar(False, True)
     case = wave(READY[0], 2, 1, 32, problem)
     scheme = Newmark(beta, 1.0, "newmark")
@@ -73,10 +79,6 @@ def test_work_is_stored_or_seeps_away(name):
     steps, duration = 60, 1 / 60.0
     # A sine starts smoothly, so that rest is a consistent start.
     (load,) = case.model.loads
-    from dataclasses import replace
-
-    from dacore.dynamics.profiles import Sine
-
     profile = Sine(60.0)
     case = replace(case, model=replace(case.model, loads=(replace(load, profile=profile),)))
     states, rates, _, step = moved(case, SECOND_ORDER, duration, steps)
@@ -99,9 +101,7 @@ def test_speed_of_the_wave(name, undrained_bar):
     states, _, _, step = moved(case, SECOND_ORDER, 1.2 * problem.length / problem.speed, 200)
     row = case.model.space.discretization.evaluation(np.array([[0.5, 0.01], [0.75, 0.01]]), "u")
     passed = row @ states[case.model.space.layout.component("u", 0)]
-    arrivals = [
-        np.interp(0.5, curve / curve[-1], step * np.arange(201)) for curve in passed * np.sign(passed[:, -1:])
-    ]
+    arrivals = [np.interp(0.5, curve / curve[-1], step * np.arange(201)) for curve in passed * np.sign(passed[:, -1:])]
     assert 0.25 / (arrivals[0] - arrivals[1]) == pytest.approx(problem.speed, rel=5e-3)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import coo_array, csr_array
 
-from dacore.core.arrays import Array, IntArray, Sparse, check_shape
+from dacore.core.arrays import Array, BoolArray, IntArray, Sparse, check_shape
 from dacore.core.discretization import Discretization
 from dacore.core.fespace import FiniteElementSpace
 from dacore.core.model import AffineModel, AffineTerm, Load
@@ -20,7 +20,15 @@ from dacore.errors import ShapeError
 from dacore_biot import material
 from dacore_biot.operators import DISPLACEMENT, PRESSURE, biot_terms
 
-_UNITS = {"E": "dyn/cm^2", "nu": "1", "kappa": "cm^2", "density": "g/cm^3", "viscosity": "P", "alpha": "1", "skempton": "1"}
+_UNITS = {
+    "E": "dyn/cm^2",
+    "nu": "1",
+    "kappa": "cm^2",
+    "density": "g/cm^3",
+    "viscosity": "P",
+    "alpha": "1",
+    "skempton": "1",
+}
 
 
 @dataclass(frozen=True)
@@ -38,7 +46,7 @@ class Conditions:
     held: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     drained: tuple[str, ...] = ()
 
-    def dofs(self, discretization: Discretization) -> Array:
+    def dofs(self, discretization: Discretization) -> BoolArray:
         """Prescribed dofs as a (n_dofs,) bool array; MeshError or ShapeError if a role or component does not exist."""
         mesh, layout = discretization.mesh, discretization.layout
         out = np.zeros(layout.n_dofs, dtype=bool)

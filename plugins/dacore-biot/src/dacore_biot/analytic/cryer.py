@@ -58,7 +58,7 @@ class Cryer:
         return self.medium.skempton * self.load
 
     def pressure(self, distance: Array, time: float) -> Array:
-        """P [dyn/cm²] at distances (n,) [cm] from the centre, time > 0 [s]."""
+        """Pressure [dyn/cm²] at distances (n,) [cm] from the centre, time > 0 [s]."""
         r, weight = self._modes(time)
         # a sin(r d/a)/(d sin r), and r/sin r at the centre.
         ratio = np.sinc(np.outer(distance, r) / (np.pi * self.radius)) * (r / np.sin(r))
@@ -98,7 +98,7 @@ class Cryer:
         """Roots r (n,) and 2 exp(−r² c t/a²)/(r φ'(r)), the derivative along the imaginary axis."""
         rate = time / self.time_scale
         n = self.medium.bulk / (4 * self.medium.shear * self._drive) + 1 / 3
-        start = np.pi * np.arange(1, 1 + self.more * terms(np.pi**2 * rate))
+        start = np.asarray(np.pi * np.arange(1, 1 + self.more * terms(np.pi**2 * rate)), dtype=np.float64)
         # One root in each (nπ, (n + 1)π), n = 0, 1, …; r = 0 is none, as 1/3 < N + 1/3.
         shift = 1e-4
         r = roots(lambda x: (n * x**2 - 1) * np.sin(x) + x * np.cos(x), start - np.pi + shift, start)

@@ -55,7 +55,7 @@ class Column:
 
     @property
     def wave_numbers(self) -> NDArray[np.complex128]:
-        """m (2,) [1/cm] of the fast and the slow wave, with positive real parts."""
+        """Wave numbers m (2,) [1/cm] of the fast and the slow wave, with positive real parts."""
         medium, omega = self.medium, self.omega
         stiff, k, inertia = medium.uniaxial, medium.mobility, medium.density * self.omega**2
         storage = medium.alpha**2 / (medium.undrained_bulk - medium.bulk)
@@ -81,9 +81,7 @@ class Column:
     def _weights(self) -> NDArray[np.complex128]:
         """A (2,): p̂ = 0 and D û' = load at x = height, the shapes being scaled to cosh(m height)."""
         return np.asarray(
-            np.linalg.solve(
-                np.stack([self._ratios, self.medium.uniaxial * self.wave_numbers]), [0.0, self.load]
-            )
+            np.linalg.solve(np.stack([self._ratios, self.medium.uniaxial * self.wave_numbers]), [0.0, self.load])
         )
 
     def _shapes(self, x: Array, sign: float) -> NDArray[np.complex128]:

@@ -66,7 +66,7 @@ class Mandel:
         return self.force * medium.skempton * (1 + medium.undrained_nu) / (3 * self.half_width)
 
     def pressure(self, x: Array, time: float) -> Array:
-        """P [dyn/cm²] at x (n,) [cm], time > 0 [s]; the same for all y."""
+        """Pressure [dyn/cm²] at x (n,) [cm], time > 0 [s]; the same for all y."""
         r, weight = self._modes(time)
         shape = np.cos(np.outer(x, r) / self.half_width) - np.cos(r)
         return np.asarray(2 * self.initial_pressure * shape @ (np.sin(r) * weight))
@@ -100,7 +100,7 @@ class Mandel:
     def _modes(self, time: float) -> tuple[Array, Array]:
         """Roots r (n,) and exp(−r² c t/a²)/(r − sin r cos r)."""
         rate = time / self.time_scale
-        start = np.pi * np.arange(self.more * terms(np.pi**2 * rate))
+        start = np.asarray(np.pi * np.arange(self.more * terms(np.pi**2 * rate)), dtype=np.float64)
         # Between nπ and (n + 1/2)π; the first one is not the root r = 0.
         low = start + np.where(start == 0, 1e-9, 0.0)
         r = roots(lambda x: np.cos(x - start) * self._ratio * x - np.sin(x - start), low, start + np.pi / 2)

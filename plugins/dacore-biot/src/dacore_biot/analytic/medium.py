@@ -1,7 +1,7 @@
 """The coefficients of a poroelastic medium, by way of its undrained Poisson ratio.
 
-Detournay & Cheng, "Fundamentals of poroelasticity", in Comprehensive Rock Engineering II (1993),
-section 3; Wang, Theory of Linear Poroelasticity (2000), chapters 2 and 3.
+Detournay & Cheng, "Fundamentals of poroelasticity", in Comprehensive Rock Engineering II (1993);
+Wang, Theory of Linear Poroelasticity (2000), chapters 2 and 3.
 """
 
 from collections.abc import Mapping
@@ -93,7 +93,7 @@ class Medium:
 
     @property
     def loading_efficiency(self) -> float:
-        """γ = B(1 + ν_u)/(3(1 − ν_u)): pressure per total stress on a column that cannot widen."""
+        """Loading efficiency γ = B(1 + ν_u)/(3(1 − ν_u)): pressure per total stress on a column that cannot widen."""
         return self.skempton * (1 + self.undrained_nu) / (3 * (1 - self.undrained_nu))
 
     @property
@@ -103,7 +103,7 @@ class Medium:
 
     @property
     def diffusivity(self) -> float:
-        """c = (κ/μ_f) 2G(1 − ν)(ν_u − ν)/(α²(1 − 2ν)²(1 − ν_u)) [cm²/s] (Detournay & Cheng 1993, eq. 96)."""
+        """Diffusivity c = (κ/μ_f) 2G(1 − ν)(ν_u − ν)/(α²(1 − 2ν)²(1 − ν_u)) [cm²/s]."""
         nu, undrained = self.nu, self.undrained_nu
         stiffness = 2 * self.shear * (1 - nu) * (undrained - nu)
         return self.mobility * stiffness / ((self.alpha * (1 - 2 * nu)) ** 2 * (1 - undrained))

@@ -1,6 +1,6 @@
 """Consolidation of a column (Terzaghi 1923).
 
-Wang, Theory of Linear Poroelasticity (2000), section 6.4; compressible constituents allowed.
+Wang, Theory of Linear Poroelasticity (2000), chapter 6; compressible constituents allowed.
 """
 
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ class Terzaghi:
         return self.medium.loading_efficiency * self.load
 
     def pressure(self, depth: Array, time: float) -> Array:
-        """P [dyn/cm²] at depths (n,) [cm] below the drained end, time > 0 [s]."""
+        """Pressure [dyn/cm²] at depths (n,) [cm] below the drained end, time > 0 [s]."""
         m, decay = self._modes(time)
         return np.asarray(self.initial_pressure * np.sin(np.outer(depth, m) / self.height) @ (2 / m * decay))
 
@@ -72,5 +72,5 @@ class Terzaghi:
 
     def _modes(self, time: float) -> tuple[Array, Array]:
         rate = time / self.time_scale
-        m = (np.arange(self.more * terms(np.pi**2 * rate)) + 0.5) * np.pi
+        m = np.asarray((np.arange(self.more * terms(np.pi**2 * rate)) + 0.5) * np.pi, dtype=np.float64)
         return m, np.exp(-(m**2) * rate)

@@ -1,6 +1,6 @@
 """Undrained and drained bodies under a uniform stress or their own weight.
 
-Rice & Cleary, Rev. Geophys. 14 (1976); Wang, Theory of Linear Poroelasticity (2000), sections 2.4 and 3.3.
+Rice & Cleary, Rev. Geophys. 14 (1976); Wang, Theory of Linear Poroelasticity (2000), chapters 2 and 3.
 """
 
 from dataclasses import dataclass
@@ -64,10 +64,12 @@ class SunkColumn:
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.medium.undrained_bulk):
-            raise ShapeError("column: got alpha · skempton = 1, expected a compressible medium, which can sink undrained")
+            raise ShapeError(
+                "column: got alpha · skempton = 1, expected a compressible medium, which can sink undrained"
+            )
 
     def pressure(self, x: Array) -> Array:
-        """P = γ ρ g (h − x) [dyn/cm²] at heights x (n,) [cm]."""
+        """Pressure γ ρ g (h − x) [dyn/cm²] at heights x (n,) [cm]."""
         weight = self.medium.density * self.gravity * (self.height - np.asarray(x))
         return np.asarray(self.medium.loading_efficiency * weight)
 

@@ -76,7 +76,7 @@ class Wave:
 
     @property
     def speed(self) -> float:
-        """C [cm/s]."""
+        """Speed c [cm/s] of the wave."""
         return float(np.sqrt(self.modulus / self.medium.density))
 
     def displacement(self, x: Array, time: float) -> Array:
@@ -92,7 +92,7 @@ class Wave:
         return np.asarray(self._sum(x, time, self.pulse, True) / self.modulus)
 
     def pressure(self, x: Array, time: float) -> Array:
-        """P = −(α/S) ∂u/∂x [dyn/cm²] at x (n,) [cm], undrained; zero otherwise."""
+        """Pressure −(α/S) ∂u/∂x [dyn/cm²] at x (n,) [cm], undrained; zero otherwise."""
         if not self.undrained:
             return np.zeros(len(x))
         medium = self.medium
