@@ -8,7 +8,7 @@ from scipy.sparse import csr_array
 from dacore.algebra.linear_solver import CorrectingSolver
 from dacore.core.arrays import Array, BoolArray, IntArray, Sparse
 from dacore.errors import ConvergenceError
-from dacore_dolfinx.petsc import one_thread, petsc, to_mat
+from dacore_dolfinx.petsc import Native, one_thread, petsc, to_mat
 
 Method = Literal["gmres", "bicgstab"]
 Preconditioner = Literal["blocks", "ilu"]
@@ -67,26 +67,27 @@ class KrylovSolver(CorrectingSolver):
         system = csr_array(self.matrix[self._order][:, self._order])
         if self._sign < 0.0:
             system.data *= -1.0
+        self._native = Native()
         with one_thread():
-            self._ksp = PETSc.KSP().create(PETSc.COMM_SELF)
-            self._ksp.setType(_PETSC_NAMES[self._kind])
+            ksp = self._native.ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+            ksp.setType(_PETSC_NAMES[self._kind])
             if not single:
-                self._ksp.setPCSide(PETSc.PC.Side.RIGHT)
-            self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
+                ksp.setPCSide(PETSc.PC.Side.RIGHT)
+            ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
             if self._kind == "gmres":
-                self._ksp.setGMRESRestart(restart)
+                ksp.setGMRESRestart(restart)
             operator = to_mat(system)
-            self._ksp.setOperators(operator)
-            self._right, self._left = operator.createVecs()
+            ksp.setOperators(operator)
+            self._native.right, self._native.left = operator.createVecs()
             try:
                 if single:
-                    _incomplete(self._ksp.getPC(), "icc", fill)
+                    _incomplete(ksp.getPC(), "icc", fill)
                 elif preconditioner == "ilu":
-                    _incomplete(self._ksp.getPC(), "ilu", fill)
+                    _incomplete(ksp.getPC(), "ilu", fill)
                 else:
-                    self._precondition_blocks(system, fill)
-                self._ksp.setUp()
-                self._ksp.setUpOnBlocks()
+                    _blocks(ksp.getPC(), system, self._split, fill)
+                ksp.setUp()
+                ksp.setUpOnBlocks()
             except PETSc.Error as error:
                 raise ConvergenceError(
                     f"{self.name}: the incomplete factorisation broke down (PETSc error {error.ierr}); {self.advice()}"
@@ -104,38 +105,48 @@ class KrylovSolver(CorrectingSolver):
     def correct(self, residual: Array, goal: Array) -> Array:
         """Iterate, column by column, until the residual is below `goal`."""
         correction = np.empty_like(residual)
+        ksp, left, right = self._native.ksp, self._native.left, self._native.right
         with one_thread():
             for column in range(residual.shape[1]):
-                self._ksp.setTolerances(rtol=1e-15, atol=0.5 * goal[column], max_it=self._limit)
-                self._left.setArray(self._sign * residual[self._order, column])
-                self._right.set(0.0)
-                self._ksp.solve(self._left, self._right)
-                self.iterations += int(self._ksp.getIterationNumber())
-                correction[self._order, column] = self._right.getArray(readonly=True)
+                ksp.setTolerances(rtol=1e-15, atol=0.5 * goal[column], max_it=self._limit)
+                left.setArray(self._sign * residual[self._order, column])
+                right.set(0.0)
+                ksp.solve(left, right)
+                self.iterations += int(ksp.getIterationNumber())
+                correction[self._order, column] = right.getArray(readonly=True)
         return correction
 
-    def _precondition_blocks(self, system: Sparse, fill: int) -> None:
-        """Precondition by p = −Ŝ⁻¹ r_p, u = Â⁻¹ (r_u − Bᵀ p): Â of A, Ŝ of C + B diag(A)⁻¹ Bᵀ, both incomplete."""
-        PETSc = petsc()
-        inner, n = self._split, system.shape[0]
-        lower = csr_array(system[inner:])
-        coupling, flow = csr_array(lower[:, :inner]), csr_array(lower[:, inner:])
-        schur = csr_array(flow - coupling @ coupling.T)  # the scaled A has a unit diagonal
-        schur.sort_indices()
-        pc = self._ksp.getPC()
-        pc.setType("fieldsplit")
-        pc.setFieldSplitType(PETSc.PC.CompositeType.SCHUR)
-        pc.setFieldSplitSchurFactType(PETSc.PC.SchurFactType.UPPER)
-        first = PETSc.IS().createStride(inner, 0, 1, PETSc.COMM_SELF)
-        second = PETSc.IS().createStride(n - inner, inner, 1, PETSc.COMM_SELF)
-        pc.setFieldSplitIS(("u", first), ("p", second))
-        pc.setFieldSplitSchurPreType(PETSc.PC.SchurPreType.USER, to_mat(schur))
-        pc.setUp()
-        displacements, pressures = pc.getFieldSplitSchurGetSubKSP()[:2]
-        for ksp in (displacements, pressures):
-            ksp.setType("preonly")
-        _incomplete(displacements.getPC(), "icc", fill)
-        _incomplete(pressures.getPC(), "ilu", fill)
+
+def _blocks(pc: Any, system: Sparse, inner: int, fill: int) -> None:
+    """Precondition by p = −Ŝ⁻¹ r_p, u = Â⁻¹ (r_u − Bᵀ p): Â of A, Ŝ of C + B diag(A)⁻¹ Bᵀ, both incomplete.
+
+    Parameters
+    ----------
+    pc : PETSc.PC
+    system : (n, n) csr_array
+        [[A, Bᵀ], [B, −C]] with a unit diagonal of A.
+    inner : int
+        Rows of A.
+    fill : int
+    """
+    PETSc = petsc()
+    lower = csr_array(system[inner:])
+    coupling, flow = csr_array(lower[:, :inner]), csr_array(lower[:, inner:])
+    schur = csr_array(flow - coupling @ coupling.T)
+    schur.sort_indices()
+    first = PETSc.IS().createStride(inner, 0, 1, PETSc.COMM_SELF)
+    second = PETSc.IS().createStride(system.shape[0] - inner, inner, 1, PETSc.COMM_SELF)
+    pc.setType("fieldsplit")
+    pc.setFieldSplitType(PETSc.PC.CompositeType.SCHUR)
+    pc.setFieldSplitSchurFactType(PETSc.PC.SchurFactType.UPPER)
+    pc.setFieldSplitIS(("u", first), ("p", second))
+    pc.setFieldSplitSchurPreType(PETSc.PC.SchurPreType.USER, to_mat(schur))
+    pc.setUp()
+    displacements, pressures = pc.getFieldSplitSchurGetSubKSP()[:2]
+    for ksp in (displacements, pressures):
+        ksp.setType("preonly")
+    _incomplete(displacements.getPC(), "icc", fill)
+    _incomplete(pressures.getPC(), "ilu", fill)
 
 
 def _incomplete(pc: Any, kind: Literal["icc", "ilu"], fill: int) -> None:

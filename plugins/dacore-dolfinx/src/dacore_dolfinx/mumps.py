@@ -5,7 +5,7 @@ import numpy as np
 from dacore.algebra.linear_solver import CorrectingSolver
 from dacore.core.arrays import Array, BoolArray, Sparse
 from dacore.errors import ConvergenceError
-from dacore_dolfinx.petsc import one_thread, petsc, to_mat
+from dacore_dolfinx.petsc import Native, one_thread, petsc, to_mat
 
 _NEGATIVE_PIVOTS = 12  # places in MUMPS's INFOG
 _ERROR, _DETAIL = 1, 2
@@ -35,21 +35,22 @@ class MumpsSolver(CorrectingSolver):
     ) -> None:
         super().__init__(matrix, definite, tolerance)
         PETSc = petsc()
+        self._native = Native()
         with one_thread():
             operator = to_mat(self.matrix)
             operator.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-            self._right, self._left = operator.createVecs()
-            self._pc = PETSc.PC().create(PETSc.COMM_SELF)
-            self._pc.setOperators(operator)
-            self._pc.setType("cholesky")
-            self._pc.setFactorSolverType("mumps")
-            self._pc.setFactorSetUpSolverType()
-            factor = self._pc.getFactorMatrix()
+            self._native.right, self._native.left = operator.createVecs()
+            pc = self._native.pc = PETSc.PC().create(PETSc.COMM_SELF)
+            pc.setOperators(operator)
+            pc.setType("cholesky")
+            pc.setFactorSolverType("mumps")
+            pc.setFactorSetUpSolverType()
+            factor = pc.getFactorMatrix()
             factor.setMumpsCntl(1, pivot_threshold)
             factor.setMumpsIcntl(14, extra_memory)
             factor.setMumpsIcntl(4, 0)  # no messages
             try:
-                self._pc.setUp()
+                pc.setUp()
             except PETSc.Error as error:
                 raise ConvergenceError(
                     f"{self.name}: the factorisation failed (PETSc error {error.ierr}); {self.advice()}"
@@ -75,9 +76,10 @@ class MumpsSolver(CorrectingSolver):
     def correct(self, residual: Array, goal: Array) -> Array:
         """Solve with the factor."""
         correction = np.empty_like(residual)
+        pc, left, right = self._native.pc, self._native.left, self._native.right
         with one_thread():
             for column in range(residual.shape[1]):
-                self._left.setArray(residual[:, column])
-                self._pc.apply(self._left, self._right)
-                correction[:, column] = self._right.getArray(readonly=True)
+                left.setArray(residual[:, column])
+                pc.apply(left, right)
+                correction[:, column] = right.getArray(readonly=True)
         return correction

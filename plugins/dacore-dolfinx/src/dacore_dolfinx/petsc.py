@@ -1,6 +1,8 @@
-"""PETSc, started once a process: without its signal handlers, without files of options, in one thread of BLAS."""
+"""PETSc with real numbers, on this process alone, in one thread of BLAS."""
 
+import sys
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,10 +15,7 @@ from dacore.errors import PluginError
 @cache
 def petsc() -> Any:
     """Module ``petsc4py.PETSc``; PluginError if it was built for complex numbers."""
-    import petsc4py
-
-    # Its handlers would write a report whenever a worker is told to stop. Whoever started PETSc earlier has chosen.
-    petsc4py.init(["dacore", "-no_signal_handler", "-skip_petscrc"])
+    import h5py  # noqa: F401  before PETSc, which brings an HDF5 of its own
     from petsc4py import PETSc
 
     if PETSc.ScalarType is not np.float64:
@@ -25,6 +24,21 @@ def petsc() -> Any:
             "choose the real build: unset PETSC_DIR and PETSC_ARCH, or sudo apt install python3-petsc4py-real"
         )
     return PETSc
+
+
+class Native(SimpleNamespace):
+    """PETSc's objects, as attributes. They are destroyed when this is.
+
+    petsc4py 3.18 does not destroy what Python no longer refers to but keeps it until it is told to.
+    """
+
+    def __del__(self) -> None:
+        if sys.is_finalizing():
+            return
+        vars(self).clear()
+        PETSc = petsc()
+        if hasattr(PETSc, "garbage_cleanup") and not PETSc.Sys.isFinalized():
+            PETSc.garbage_cleanup(PETSc.COMM_SELF)
 
 
 def one_thread() -> Any:

@@ -43,9 +43,9 @@ class PetscKrylov(SolverMethod):
     def __post_init__(self) -> None:
         _one_of("method", self.method, ("gmres", "bicgstab"))
         _one_of("preconditioner", self.preconditioner, ("blocks", "ilu"))
-        _within("fill", self.fill, 0, 10)
-        _within("restart", self.restart, 1, 10_000)
-        _within("iterations", self.iterations, 1, 1_000_000)
+        _whole("fill", self.fill, 0, 10)
+        _whole("restart", self.restart, 1, 10_000)
+        _whole("iterations", self.iterations, 1, 1_000_000)
 
     def prepare(self, matrix: Sparse, definite: BoolArray, tolerance: float, analysis: Any = None) -> LinearSolver:
         """Make the preconditioner."""
@@ -76,7 +76,7 @@ class PetscMumps(SolverMethod):
 
     def __post_init__(self) -> None:
         _within("pivot_threshold", self.pivot_threshold, 0.0, 0.5)
-        _within("extra_memory", self.extra_memory, 0, 1000)
+        _whole("extra_memory", self.extra_memory, 0, 1000)
 
     def prepare(self, matrix: Sparse, definite: BoolArray, tolerance: float, analysis: Any = None) -> LinearSolver:
         """Factorise the matrix."""
@@ -89,5 +89,11 @@ def _one_of(name: str, given: str, allowed: tuple[str, ...]) -> None:
 
 
 def _within(name: str, given: float, low: float, high: float) -> None:
-    if not low <= given <= high:
-        raise ShapeError(f"{name}: got {given}, expected {low} to {high}")
+    # NaN fails the comparison too.
+    if isinstance(given, bool) or not isinstance(given, int | float) or not low <= given <= high:
+        raise ShapeError(f"{name}: got {given!r}, expected a number from {low} to {high}")
+
+
+def _whole(name: str, given: int, low: int, high: int) -> None:
+    if isinstance(given, bool) or not isinstance(given, int) or not low <= given <= high:
+        raise ShapeError(f"{name}: got {given!r}, expected a whole number from {low} to {high}")
