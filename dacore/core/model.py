@@ -16,6 +16,7 @@ from dacore.errors import ShapeError
 
 Coefficient = Callable[[Parameters], float]
 Profile = Callable[[Array], Array]
+Caution = Callable[[ParameterSpace, float], str]
 Discretize = Callable[[Sequence[Field]], Discretization]
 
 
@@ -116,6 +117,10 @@ class AffineModel:
     antisymmetric : (n_dofs,) bool array
         Rows which, multiplied by −1/(factor of C in a time step), make the step symmetric; the
         rows of a flow equation coupled to a momentum balance. All False for a symmetric step.
+    cautions : tuple of callables
+        What to beware of before anything is solved: each says in one line what a scene with these
+        ranges of the parameters, and the inverse factor of C in a step [s], has to fear, or
+        nothing. Module-level functions or objects, as coefficients are.
     """
 
     space: StateSpace
@@ -126,6 +131,7 @@ class AffineModel:
     loads: tuple[Load, ...]
     constrained: BoolArray
     antisymmetric: BoolArray
+    cautions: tuple[Caution, ...] = ()
 
     def __post_init__(self) -> None:
         n = self.space.n_dofs

@@ -118,6 +118,11 @@ class MarchedModel(ForwardModel):
         """Recorded times (t,) [s]."""
         return self.grid.times
 
+    def cautions(self, parameters: ParameterSpace) -> tuple[str, ...]:
+        """What to beware of, a line each, with `parameters` in these ranges and steps as long as most are."""
+        lag = 1.0 / self.scheme.regular(float(self.grid.lengths[-1])).rate_factor
+        return tuple(line for caution in self.model.cautions if (line := caution(parameters, lag)))
+
     def solve(self, parameters: Parameters) -> Trajectory:
         """Solve with all loads in one right-hand side.
 

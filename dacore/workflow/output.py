@@ -106,7 +106,7 @@ def make_report(session: Session, pictures: dict[str, Picture], summary: dict[st
             "How well",
             f"**Reference:** {SAME_DISCRETISATION}. Every error stands beside the error of guessing the training mean, "
             "because a field that hardly varies flatters any estimate. Green: the best of its column; red: worse than "
-            "guessing.",
+            "guessing." + "".join(f"\n\n**Beware:** {line}." for line in session.cautions),
             [*tables(session), *take("summary")],
         ),
         Section("What was measured", "", take("measured_slice")),

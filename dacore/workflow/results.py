@@ -58,6 +58,7 @@ def summarise(session: Session, seconds: float) -> dict[str, Any]:
             p.name: {"low": p.low, "high": p.high, "unit": p.unit} for p in background.parameters.parameters
         },
         "estimators": {name: _estimator(session.prepared(name)) for name in scene.estimator},
+        "cautions": list(session.cautions),
         "joint_weights": dict(validation.joint_weights),
         "validation": [_outcome(validation, outcome) for outcome in validation.outcomes],
     }

@@ -95,6 +95,12 @@ class Session:
         made: Refinement = self.runner["refinement"]
         return made
 
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What to beware of in this scene's physics, a line each."""
+        made: tuple[str, ...] = self.runner["checks"]
+        return made
+
     def prepared(self, estimator: str) -> PreparedEstimator:
         """Return an estimator of the scene, prepared for noise of unit standard deviation."""
         made: PreparedEstimator = self.runner[f"prepared.{estimator}"]

@@ -1,5 +1,6 @@
 """The stages of a scene: which settings each depends on, and how it is made."""
 
+import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ from dacore.algebra.compress import compress
 from dacore.core.arrays import Array
 from dacore.core.domain import Domain
 from dacore.core.mesh import Mesh
-from dacore.core.model import Trajectory
+from dacore.core.model import ForwardModel, Trajectory
 from dacore.core.noise import WhiteNoise
 from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.training import Progress, draw, solve_all
@@ -26,6 +27,8 @@ from dacore.studies.errors import Contrast, ErrorMeter
 from dacore.studies.refinement import time_refinement
 from dacore.studies.validation import validate
 from dacore.workflow.build import Builder, source_hash
+
+_log = logging.getLogger(__name__)
 
 # The parts of dacore whose code decides what a mesh or a trajectory is.
 NUMERICS = ("core", "algebra", "geometry", "domains", "dynamics")
@@ -118,12 +121,19 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
 
         return prepare
 
-    def make_checks(results: Results, _: Path) -> bool:
-        """What is measured and asked fits the state and the parameters: known before anything is trained."""
+    def make_checks(results: Results, _: Path) -> tuple[str, ...]:
+        """What is measured and asked fits the state and the parameters: known before anything is trained.
+
+        What to beware of is said in the log, and returned for the results.
+        """
         builder.check_before_training(results["model"].space, results["parameters"])
         if scene.validation.refine_time > 1 and not isinstance(results["model"], MarchedModel):
             raise SceneError(f"{builder.where}: validation.refine_time: this model steps by itself; set it to 0")
-        return True
+        model: ForwardModel = results["model"]
+        cautions = model.cautions(results["parameters"]) if isinstance(model, MarchedModel) else ()
+        for line in cautions:
+            _log.warning("%s: %s", builder.where, line)
+        return cautions
 
     def contrasts(results: Results) -> list[Contrast]:
         return builder.contrasts(results["model"].space, results["parameters"])

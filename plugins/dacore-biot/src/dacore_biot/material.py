@@ -68,6 +68,11 @@ def storage(parameters: Parameters) -> float:
     return bulk / (skempton * check("E", parameters["E"]))
 
 
+def confined_swelling(parameters: Parameters) -> float:
+    """α²/(λ + 2μ_s) [cm²/dyn]: by what confined tissue swells for a rise of its pressure, times α."""
+    return alpha(parameters) ** 2 / (lame(parameters) + twice_shear(parameters))
+
+
 def mobility(parameters: Parameters) -> float:
     """κ/μ_f [cm⁴/(dyn s)]."""
     return check("kappa", parameters["kappa"]) / check("viscosity", parameters["viscosity"])

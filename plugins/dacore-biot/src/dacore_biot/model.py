@@ -12,12 +12,13 @@ from dacore.core.arrays import Array, BoolArray
 from dacore.core.discretization import Discretization
 from dacore.core.fespace import FiniteElementSpace
 from dacore.core.mesh import Mesh
-from dacore.core.model import AffineModel, Discretize, Load, Physics
+from dacore.core.model import AffineModel, Caution, Discretize, Load, Physics
 from dacore.core.parameters import Parameter, ParameterSpace
 from dacore.dynamics.profiles import Constant, Sine, SmoothRamp
 from dacore.errors import MeshError, ShapeError
 from dacore_biot import material
-from dacore_biot.operators import DISPLACEMENT, PRESSURE, biot_fields, biot_terms
+from dacore_biot.cautions import Oscillation, cell_sizes, locking
+from dacore_biot.operators import DISPLACEMENT, PRESSURE, Stabilization, biot_fields, biot_terms
 
 NeckPressure = Literal["none", "csf"]
 Ranges = Mapping[str, tuple[float, float]]
@@ -52,6 +53,10 @@ class Biot(Physics):
     ----------
     displacement_order : {1, 2}
         Elements of u; p has order 1. Order 2 gives Taylor–Hood elements.
+    stabilization : {"none", "lumped", "projected"}
+        Remedy of `dacore_biot.stabilization` for pressures that oscillate from node to node. "none" is the method of
+        the paper, "projected" comes near Taylor–Hood elements, "lumped" keeps the bounds of slow consolidation
+        and slows waves of compression.
     alpha, skempton, density, viscosity, p_csf : float
         Biot–Willis and Skempton coefficients, density of the tissue [g/cm³], viscosity of the fluid [P],
         pressure outside [dyn/cm²].
@@ -81,6 +86,7 @@ class Biot(Physics):
     """
 
     displacement_order: int = 1
+    stabilization: Stabilization = "none"
     alpha: float = 1.0
     skempton: float = 0.99
     density: float = 1.0
@@ -101,6 +107,12 @@ class Biot(Physics):
     def __post_init__(self) -> None:
         if self.displacement_order not in (1, 2):
             raise ShapeError(f"displacement_order: got {self.displacement_order}, expected 1 or 2")
+        if self.stabilization not in ("none", "lumped", "projected"):
+            raise ShapeError(f"stabilization: got {self.stabilization!r}, expected 'none', 'lumped' or 'projected'")
+        if self.stabilization == "projected" and self.displacement_order == 2:
+            raise ShapeError(
+                "stabilization: got 'projected' with displacement_order 2, which needs none; leave one out"
+            )
         if self.pressure_on_neck not in ("none", "csf"):
             raise ShapeError(f"pressure_on_neck: got {self.pressure_on_neck!r}, expected 'none' or 'csf'")
         if not (np.isfinite(self.frequency) and self.frequency > 0):
@@ -129,7 +141,7 @@ class Biot(Physics):
         return ParameterSpace(tuple(out))
 
     def build(self, discretize: Discretize) -> AffineModel:
-        """Assemble the seven matrices and the loads on a mesh.
+        """Assemble the matrices and the loads on a mesh.
 
         Raises
         ------
@@ -141,7 +153,7 @@ class Biot(Physics):
         if not 0 <= self.pulse_axis < mesh.dim:
             raise ShapeError(f"pulse_axis: got {self.pulse_axis}, expected 0 to {mesh.dim - 1}")
         discretization = discretize(biot_fields(mesh.dim, self.displacement_order))
-        terms = biot_terms(discretization)
+        terms = biot_terms(discretization, self.stabilization)
         held = self._held(discretization)
         return AffineModel(
             FiniteElementSpace(discretization),
@@ -152,7 +164,14 @@ class Biot(Physics):
             self._loads(discretization, held),
             constrained=np.logical_or.reduce(list(held.values())),
             antisymmetric=terms.flow,
+            cautions=self._cautions(mesh),
         )
+
+    def _cautions(self, mesh: Mesh) -> tuple[Caution, ...]:
+        if self.displacement_order == 2:
+            return ()
+        oscillation = Oscillation(mesh.dim, float(np.median(cell_sizes(mesh))))
+        return (oscillation, locking) if self.stabilization == "none" else (locking,)
 
     def _check_roles(self, mesh: Mesh) -> None:
         expected = {role for role in (self.neck, self.ventricles, self.mre) if role}

@@ -1,13 +1,16 @@
-"""The seven parameter-free matrices of dynamic poroelasticity in (u, p).
+"""The parameter-free matrices of dynamic poroelasticity in (u, p).
 
 Weak form, tested with v and q (the paper, section 2, with 2μ_s in place of the printed 2E and with α
 in the mass balance)::
 
     ρ(ü, v) + 2μ_s(ε(u), ε(v)) + λ(∇·u, ∇·v) + α(∇p, v) = (g, v)
     S(ṗ, q) + α(∇·u̇, q) + (κ/μ_f)(∇p, ∇q) = 0
+
+They are seven, and one or two more with a stabilization of `dacore_biot.stabilization`.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy.sparse import block_diag, coo_array, csr_array
@@ -16,9 +19,13 @@ from dacore.core.arrays import BoolArray, Sparse
 from dacore.core.discretization import Discretization
 from dacore.core.fields import Field
 from dacore.core.model import AffineTerm, Coefficient
+from dacore.errors import ShapeError
 from dacore_biot import material
+from dacore_biot.stabilization import cell_mean_mass, less_than_lumped, projected_gradients
 
 DISPLACEMENT, PRESSURE = "u", "p"
+
+Stabilization = Literal["none", "lumped", "projected"]
 
 
 def biot_fields(dim: int, displacement_order: int = 1) -> tuple[Field, Field]:
@@ -45,17 +52,24 @@ class BiotTerms:
     flow: BoolArray
 
 
-def biot_terms(discretization: Discretization) -> BiotTerms:
-    """Assemble the seven matrices once for a mesh.
+def biot_terms(discretization: Discretization, stabilization: Stabilization = "none") -> BiotTerms:
+    """Assemble the matrices once for a mesh.
 
     Parameters
     ----------
     discretization : Discretization
         Of the fields of `biot_fields`.
+    stabilization : {"none", "lumped", "projected"}
+        A remedy of `dacore_biot.stabilization`; "none" for the seven matrices alone.
 
     Returns
     -------
     BiotTerms
+
+    Raises
+    ------
+    ShapeError
+        If the stabilization does not go with the order of u.
     """
     layout = discretization.layout
     n, u, p = layout.n_dofs, layout.block(DISPLACEMENT), layout.block(PRESSURE)
@@ -65,14 +79,17 @@ def biot_terms(discretization: Discretization) -> BiotTerms:
     def term(name: str, coefficient: Coefficient, matrix: Sparse, rows: slice, columns: slice) -> AffineTerm:
         return AffineTerm(name, _place(matrix, rows, columns, n), coefficient)
 
+    storage = [
+        term("storage", material.storage, discretization.scalar_mass(PRESSURE), p, p),
+        term("swelling", material.alpha, discretization.divergence_coupling(DISPLACEMENT, PRESSURE), p, u),
+    ]
+    for name, coefficient, matrix in _remedy(discretization, stabilization):
+        storage.append(term(name, coefficient, matrix, p, p))
     components = layout.field(DISPLACEMENT).components
     inertia = csr_array(block_diag([discretization.scalar_mass(DISPLACEMENT)] * components, format="csr"))
     return BiotTerms(
         second_order=(term("inertia", material.density, inertia, u, u),),
-        first_order=(
-            term("storage", material.storage, discretization.scalar_mass(PRESSURE), p, p),
-            term("swelling", material.alpha, discretization.divergence_coupling(DISPLACEMENT, PRESSURE), p, u),
-        ),
+        first_order=tuple(storage),
         zeroth_order=(
             term("shear", material.twice_shear, discretization.strain(DISPLACEMENT), u, u),
             term("dilation", material.lame, discretization.divergence(DISPLACEMENT), u, u),
@@ -81,6 +98,25 @@ def biot_terms(discretization: Discretization) -> BiotTerms:
         ),
         flow=flow,
     )
+
+
+def _remedy(discretization: Discretization, stabilization: Stabilization) -> list[tuple[str, Coefficient, Sparse]]:
+    """Return name, coefficient and matrix (n_p, n_p) of each term of the stabilization."""
+    equal = discretization.layout.field(DISPLACEMENT).order == 1
+    if stabilization == "none":
+        return []
+    if stabilization == "projected":
+        if not equal:
+            raise ShapeError(
+                "stabilization: got 'projected' with u of order 2, which needs none; expected 'none' or 'lumped'"
+            )
+        return [("stabilization", material.confined_swelling, projected_gradients(discretization.mesh))]
+    mass = discretization.scalar_mass(PRESSURE)
+    seen = cell_mean_mass(discretization.mesh) if equal else mass
+    return [
+        ("stabilization", material.confined_swelling, less_than_lumped(mass, seen)),
+        ("lumping", material.storage, less_than_lumped(mass, mass)),
+    ]
 
 
 def _place(block: Sparse, rows: slice, columns: slice, n: int) -> Sparse:
