@@ -18,6 +18,7 @@ from dacore.figures.modes import ModeField, modes, thin
 from dacore.figures.quantity import QuantityPanel, quantity
 from dacore.figures.slices import HEAD, Frame, Slab, View, scale
 from dacore.figures.spectrum import Spectrum, spectrum
+from dacore.figures.stability import RadiusCurve, RadiusMap, stability
 from dacore.figures.style import percent_text, png, pretty, svg
 from dacore.figures.summary import summary
 from dacore.figures.voxels import component_name, measured_slice, on_slice
@@ -389,3 +390,19 @@ def test_no_figure_imports_pyplot():
         "sys.exit('matplotlib.pyplot' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_stability_shows_a_map_for_each_rule_and_the_line_of_the_theory():
+    betas, gammas = np.linspace(0.1, 0.7, 5), np.linspace(0.3, 1.3, 7)
+    radii = 1 + np.maximum(0.0, gammas - 2 * betas[:, None])
+    frequencies = np.logspace(-1, 3, 9)
+    maps = [RadiusMap("backward Euler", betas, gammas, radii), RadiusMap("newmark", betas, gammas, radii)]
+    figure = stability(maps, [RadiusCurve("damped", frequencies, 1 / (1 + frequencies))], "seen")
+    first, second, curves = drawn(figure)
+    assert [axes.get_title() for axes in (first, second)] == ["backward Euler", "newmark"]
+    assert (first.get_xlabel(), first.get_ylabel(), curves.get_xlabel()) == ("β", "γ", "ωτ")
+    np.testing.assert_allclose(first.lines[0].get_xydata(), [[0.25, 0.5], [0.65, 1.3]])
+    assert legend(figure) == ["damped"]
+    assert bar_labels(figure) == ["largest growth per step"] * 2
+    with pytest.raises(ShapeError, match="map 'turned': got shape"):
+        stability([RadiusMap("turned", gammas, betas, radii)], [])
