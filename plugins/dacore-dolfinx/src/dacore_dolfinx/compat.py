@@ -6,24 +6,21 @@ Everything else may call those libraries as it likes as long as the call means t
 """
 
 import re
-import sys
 from typing import Any
 
 import h5py  # noqa: F401  DOLFINx loads its own HDF5 for all to see: a later h5py would be bound to that one
 import numpy as np
-import ufl
-from mpi4py import MPI
 
 from dacore.core.arrays import Array, IntArray
+from dacore_dolfinx.quiet import quiet
 
-# DOLFINx before 0.8 makes every later extension module share its symbols, and leaves it so.
-_flags = sys.getdlopenflags()
-import basix  # noqa: E402
-import dolfinx  # noqa: E402
-from dolfinx import fem, mesh  # noqa: E402
-from dolfinx.fem.assemble import assemble_matrix, create_matrix  # noqa: E402
-
-sys.setdlopenflags(_flags)
+with quiet():
+    import basix
+    import dolfinx
+    import ufl
+    from dolfinx import fem, mesh
+    from dolfinx.fem.assemble import assemble_matrix, create_matrix
+    from mpi4py import MPI
 
 VERSION = tuple(int(part) for part in re.findall(r"\d+", str(dolfinx.__version__))[:2])
 

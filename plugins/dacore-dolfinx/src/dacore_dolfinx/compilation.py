@@ -4,16 +4,14 @@ A kernel takes about 0.2 s once; then it is in the cache, ``$XDG_CACHE_HOME/feni
 ``~/.cache/fenics`` unless DOLFINx's own settings file says otherwise. Processes may share it.
 """
 
-import logging
-import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 from cffi import VerificationError
 
 from dacore.errors import PluginError
 from dacore_dolfinx import compat
+from dacore_dolfinx.quiet import quiet
 
 # -O3 and -march=native gain nothing measurable: the time goes into adding to the matrix.
 _OPTIONS = {
@@ -38,7 +36,7 @@ def compile_space(domain: Any, order: int) -> Any:
 
 def _compiled(make: Callable[[], _T]) -> _T:
     try:
-        with _quiet():
+        with quiet():
             return make()
     except VerificationError as error:
         raise PluginError(
@@ -54,30 +52,3 @@ def _compiled(make: Callable[[], _T]) -> _T:
 
 def _line(error: BaseException) -> str:
     return " ".join(str(error).split())
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep the compiler's machinery to itself.
-
-    setuptools logs every command and sets up logging for all; FFCx leaves files open and calls numpy
-    by old names, which a user who turns warnings into errors could do nothing about.
-    """
-    root = logging.getLogger()
-    level = root.level
-    handler = logging.NullHandler()
-    root.addFilter(_important)
-    root.addHandler(handler)  # without one, logging would add its own, which writes to stderr
-    try:
-        with warnings.catch_warnings():
-            for category in (DeprecationWarning, FutureWarning, ResourceWarning):
-                warnings.simplefilter("ignore", category)
-            yield
-    finally:
-        root.removeHandler(handler)
-        root.removeFilter(_important)
-        root.setLevel(level)
-
-
-def _important(record: logging.LogRecord) -> bool:
-    return record.levelno >= logging.WARNING
