@@ -121,6 +121,24 @@ def test_ctrl_c_says_that_nothing_is_lost_and_leaves_no_worker(tmp_path):
     assert "training" in dacore("plan", TOY, "--out", tmp_path, "--set", "training.samples=2000").stdout
 
 
+def test_stress_judges_cases_and_writes_a_report(tmp_path):
+    out = tmp_path / "out"
+    page = tmp_path / "page.md"
+    page.write_text("<!-- begin: dacore stress -->\n<!-- end: dacore stress -->\n")
+    small = ["--set", "domain.edge=2.5", "--set", "training.samples=4", "--themes", "data", "--case", "NaN in the data"]
+    done = dacore("stress", TOY, "--out", out, "--page", page, *small)
+    assert done.returncode == 0, done.stderr
+    assert "refused" in done.stdout
+    (case,) = json.loads((out / "stress.json").read_text())["cases"]
+    assert case["verdict"] == "refused"
+    assert "leave them out with a mask" in case["said"]
+    assert "| NaN in the data |" in page.read_text()
+    assert (out / "report.html").exists()
+    bad = dacore("stress", TOY, "--out", out, "--themes", "moods")
+    assert bad.returncode == 2
+    assert bad.stderr.startswith("error: --themes: got 'moods', expected any of physics")
+
+
 def living(group):
     """Processes of a group that still run; one that ended may wait to be reaped by a parent that never does."""
     found = []

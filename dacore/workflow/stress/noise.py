@@ -1,14 +1,18 @@
 """Noise at its limits, and whether the claimed uncertainty is honest."""
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Literal
+from functools import partial
+from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from dacore.core.arrays import Array
 from dacore.core.background import Background
 from dacore.core.estimator import Estimate
 from dacore.core.noise import CorrelatedNoise, NoiseModel, WhiteNoise
+from dacore.core.observation import Functionals
 from dacore.core.quantity import QuantityOfInterest
 from dacore.estimators.minimum_variance import MinimumVariance
 from dacore.workflow.stress.case import Case, Inapplicable, Outcome, conditioned
@@ -24,6 +28,9 @@ from dacore.workflow.stress.reference import EPS, dense_solve, long
 
 # An error of more than so many claimed deviations is not covered.
 COVERED = 4.0
+# Deviations learnt from 12 errors scatter by a third themselves: so much more than one is still honest.
+HONEST = 1.5
+SAMPLES = 12
 
 
 def _zero(context: Context) -> Outcome:
@@ -154,41 +161,50 @@ def _in_deviations(error: Array, deviation: Array, size: float) -> Outcome:
     return Outcome(relative, 1e-3, told, "" if told else f"off by {ratio:.0f} claimed deviations")
 
 
-def _unseen(deviations: Literal["held_out", "model"], samples: int, estimator: str = "minimum variance") -> Any:
-    """Fields that know nothing of each other: data of the first say nothing of the last."""
+def _unseen(estimator: str, draws: int, **settings: Any) -> Any:
+    """Fields that know nothing of each other: data of the first say nothing of the last.
+
+    Over many training sets, since one that happens to be misleading proves nothing.
+    """
 
     def run(context: Context) -> Outcome:
-        hidden = context.space.fields[-1]
-        if len(context.space.fields) < 2:
-            raise Inapplicable("the state has one field")
-        background, draw = _independent(context, samples)
-        functionals = spread(context.functionals, 60)
-        if functionals.matrix[:, context.space.layout.block(hidden.name)].nnz:
-            raise Inapplicable(f"the scene measures {hidden.name} itself")
-        truth = draw(context.rng(8), 200)
-        data = np.tensordot(background.observe(functionals.matrix), truth, axes=1)
+        fields, functionals = context.space.fields, spread(context.functionals, 60)
+        block = context.space.layout.block(fields[-1].name)
+        if len(fields) < 2 or functionals.matrix[:, block].nnz:
+            raise Inapplicable("the scene measures every field")
         weights = np.zeros((1, context.space.n_dofs))
-        block = context.space.layout.block(hidden.name)
         weights[0, block] = 1.0 / (block.stop - block.start)
-        mean = Mean(weights)
-        chosen: Any = MinimumVariance(deviations=deviations) if estimator == "minimum variance" else pbdw(4, 1.0)
+        mean, draw = Mean(weights), _independent(context)
+        own, truth = context.background, draw(context.rng(8), 100)
+        data = np.tensordot(own.observe(functionals.matrix), truth, axes=1)
+        exact = np.tensordot(own.observe(mean.functionals(context.space).matrix), truth, axes=1).mean(axis=1)
         sigma = 0.05 * float(np.abs(data).max())
-        found = context.ask(lambda: chosen.prepare(background, functionals, WhiteNoise()).estimate(data, sigma))
-        exact = np.tensordot(background.observe(mean.functionals(context.space).matrix), truth, axes=1).mean(axis=1)
-        deviation = found.standard_deviation(mean)
-        rms = float(np.sqrt((((found.quantity(mean) - exact) / deviation) ** 2).mean()))
-        claimed = float(np.median(deviation) / np.std(exact))
-        return Outcome(
-            rms,
-            2.0,
-            note=f"rms error {rms:.2f} deviations, which are {claimed:.2f} of the spread",
-        )
+        chosen: Any = pbdw(4, 1.0) if estimator == "PBDW" else MinimumVariance(**settings)
+        squares, claimed = [], []
+        for seed in range(draws):
+            background = replace(
+                own,
+                coefficients=draw(context.rng(100 + seed), SAMPLES),
+                samples=np.zeros((SAMPLES, own.samples.shape[1])),
+            )
+            found = context.ask(partial(_estimated, chosen, background, functionals, data, sigma))
+            deviation = found.standard_deviation(mean)
+            squares.append((((found.quantity(mean) - exact) / deviation) ** 2).mean())
+            claimed.append(np.median(deviation) / np.std(exact))
+        context.heard[:] = context.heard[:1]  # the same of every training set, but for a number
+        note = f"claimed {np.median(claimed):.2f} of the spread, {draws} training sets of {SAMPLES}"
+        return Outcome(float(np.sqrt(np.mean(squares))), HONEST, note=note)
 
     return run
 
 
-def _independent(context: Context, samples: int) -> tuple[Background, Any]:
-    """A training set in the scene's own modes whose fields are drawn independently, and what draws more."""
+def _estimated(chosen: Any, background: Background, functionals: Functionals, data: Array, sigma: float) -> Estimate:
+    estimate: Estimate = chosen.prepare(background, functionals, WhiteNoise()).estimate(data, sigma)
+    return estimate
+
+
+def _independent(context: Context) -> Callable[[np.random.Generator, int], Array]:
+    """What draws trajectories in the scene's own modes, each field independently of the others."""
     own = context.background
     parts = [own.block(each.name) for each in context.space.fields]
     t, rank = len(own.times), 6
@@ -203,9 +219,7 @@ def _independent(context: Context, samples: int) -> tuple[Background, Any]:
             out[part] += 0.1 * size * np.tensordot(pattern, generator.standard_normal((rank, count)), axes=1)
         return out
 
-    coefficients = draw(context.rng(10), samples)
-    repeated = np.resize(own.samples, (samples, own.samples.shape[1]))
-    return replace(own, coefficients=coefficients, samples=repeated), draw
+    return draw
 
 
 class Mean(QuantityOfInterest):
@@ -218,10 +232,6 @@ class Mean(QuantityOfInterest):
 
     def functionals(self, space: Any) -> Any:
         """Return the functional."""
-        from scipy.sparse import csr_array
-
-        from dacore.core.observation import Functionals
-
         return Functionals(
             csr_array(self.weights), ("mean",), "1", np.zeros((1, 1)), np.zeros((1, 1)), np.zeros(1, dtype=np.int64)
         )
@@ -278,7 +288,15 @@ CASES = (
         "the space is the wrong one",
         _covered("PBDW", 0.0, weight=WEIGHT * 1e12),
     ),
-    Case("unseen field, held out", "noise", "a field independent of the data", _HONEST, _unseen("held_out", 12)),
-    Case("unseen field, model", "noise", "the same, deviations = 'model'", _HONEST, _unseen("model", 12)),
-    Case("unseen field, PBDW", "noise", "the same with PBDW", _HONEST, _unseen("held_out", 12, "PBDW")),
+    Case(
+        "unseen field, held out", "noise", "a field independent of the data", _HONEST, _unseen("minimum variance", 20)
+    ),
+    Case(
+        "unseen field, model",
+        "noise",
+        "the same, deviations = 'model'",
+        _HONEST,
+        _unseen("minimum variance", 20, deviations="model"),
+    ),
+    Case("unseen field, PBDW", "noise", "the same with PBDW", _HONEST, _unseen("PBDW", 4)),
 )
