@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dacore.figures.style import svg
+from dacore.figures.style import png
 from tests.backends import READY
 from tests.convergence.test_biot_rates import SCHEMES, SPACES, errors_in_space, errors_in_time
 from tests.verification import pictures
@@ -139,7 +139,7 @@ def main():
     page.write_text(text, encoding="utf-8")
     (DOCS / "figures").mkdir(exist_ok=True)
     for name, figure in pictures.figures(errors).items():
-        (DOCS / "figures" / f"{name}.svg").write_bytes(svg(figure))
+        (DOCS / "figures" / f"{name}.png").write_bytes(png(figure))
 
 
 if __name__ == "__main__":
