@@ -3,6 +3,7 @@
 Run from the root of the clone, with the brain, Biot and scikit-fem plugins installed::
 
     python tests/benchmarks/time_error.py steady ramp5 ramp10 jump        # some twelve CPU minutes
+    python tests/benchmarks/time_error.py --meshes steady ramp10          # the error of the mesh: three
 
 For each start a reference is computed with the generalised-α scheme, ρ∞ = 0.8, many substeps and, after a jump,
 graded first steps, and once more with half as many substeps; their difference is printed as the error of the
@@ -23,6 +24,7 @@ from dacore.dynamics.newmark import Newmark
 from dacore.studies.errors import ErrorMeter
 from dacore_biot.model import Biot
 from dacore_imaging.brain import Brain
+from dacore_imaging.voxels import Voxels
 from dacore_skfem.backend import SkfemBackend
 
 STEP, STEPS = 5e-4, 40
@@ -123,15 +125,37 @@ def table(nodes, name):
             line(label, parts, halvings, trajectory.states, factorisations, spent)
 
 
+def compare_meshes(name):
+    """Print how far voxel averages on the 5k mesh are from those on the 33k mesh, with one step for each recorded."""
+    averages, spent = {}, {}
+    for nodes in ("5k", "33k"):
+        study = Study(nodes, CASES[name])
+        trajectory, spent[nodes], _ = study.march(GeneralizedAlpha(0.5), 1, 0)
+        for field in ("u", "p"):
+            voxels = Voxels(field=field, size=1.0, coverage=0.99).functionals(study.model.space)
+            averages[nodes, field] = dict(zip(voxels.labels, voxels(trajectory.states), strict=True))
+    outside = next(load for load in study.model.loads if load.name == "csf")
+    shift = outside.profile(trajectory.times) * study.middle["p_csf"]
+    print(f"\n### {name}: 5k against 33k; {spent['5k']:.1f} and {spent['33k']:.1f} CPU s\n")
+    for field in ("u", "p"):
+        shared = sorted(averages["5k", field].keys() & averages["33k", field].keys())
+        coarse, fine = (np.array([averages[nodes, field][label] for label in shared]) for nodes in ("5k", "33k"))
+        gap = np.linalg.norm(coarse - fine)
+        print(f"{field}: {100 * gap / np.linalg.norm(fine):.2g}% over {len(shared)} averages")
+        if field == "p":
+            print(f"p − p_csf: {100 * gap / np.linalg.norm(fine - shift):.2g}%", flush=True)
+
+
 def main():
     """Read the command line and print the tables asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("cases", nargs="+", choices=CASES)
     parser.add_argument("--nodes", default="5k", choices=["5k", "33k"])
+    parser.add_argument("--meshes", action="store_true", help="compare the meshes in place of the schemes")
     options = parser.parse_args()
     with one_blas_thread():
         for name in options.cases:
-            table(options.nodes, name)
+            compare_meshes(name) if options.meshes else table(options.nodes, name)
 
 
 if __name__ == "__main__":
