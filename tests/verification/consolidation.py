@@ -15,7 +15,7 @@ LEVELS = 6
 WIDTH = 0.25
 
 
-def terzaghi(name, dim, order, n, piston=False, column=COLUMN):
+def terzaghi(name, dim, order, n, piston=False, column=COLUMN, remedy="none"):
     """A column on rollers; loaded on the drained end, or by a tight piston with the drain at the fixed bottom."""
     up, h = dim - 1, column.height
     mesh = box((WIDTH * h,) * up + (h,), (max(1, n // 4),) * up + (n,))
@@ -24,7 +24,7 @@ def terzaghi(name, dim, order, n, piston=False, column=COLUMN):
     on = put(name, mesh, order)
     conditions = Conditions(held, (bottom if piston else top,))
     pressed = load(on, -column.load * normal_force(on, top))
-    model = poroelastic(on, space_of(column.medium), conditions, (pressed,), inertia=False)
+    model = poroelastic(on, space_of(column.medium), conditions, (pressed,), False, remedy)
 
     def exact(time):
         def u(x):
@@ -49,7 +49,7 @@ class Plate:
         return np.array([self.block.plate(t) if t > 0 else 0.0 for t in np.atleast_1d(times)])
 
 
-def mandel(name, order, n, plate, block=BLOCK):
+def mandel(name, order, n, plate, block=BLOCK, remedy="none"):
     """A quarter of the block; its plate moves as the formula says ("given") or as its force makes it ("tied")."""
     mesh = box((block.half_width, block.half_height), (n, n))
     on = put(name, mesh, order)
@@ -61,7 +61,7 @@ def mandel(name, order, n, plate, block=BLOCK):
         cause = load(on, None, Plate(block), moved)
     else:
         cause = load(on, -block.force / block.half_width * normal_force(on, "y+"))
-    model = poroelastic(on, space_of(block.medium), Conditions(held, ("x+",)), (cause,), inertia=False)
+    model = poroelastic(on, space_of(block.medium), Conditions(held, ("x+",)), (cause,), False, remedy)
 
     def exact(time):
         return (lambda x: block.displacement(x[:, 0], x[:, 1], time)), (lambda x: block.pressure(x[:, 0], time))

@@ -22,7 +22,7 @@ def bar(undrained_bar, fixed, length=1.0):
     return Wave(medium, Pulse(-1e3, 0.5 * length / speed), length, undrained_bar, fixed)
 
 
-def wave(name, dim, order, n, problem):
+def wave(name, dim, order, n, problem, remedy="none"):
     """A bar along x on rollers, pulled at x+ by a total traction; dry (p = 0 everywhere) or tight."""
     length = problem.length
     mesh = box((length,) + (2 * length / n,) * (dim - 1), (n,) + (2,) * (dim - 1))
@@ -31,7 +31,7 @@ def wave(name, dim, order, n, problem):
     if problem.fixed:
         held["x-"] = (0,)
     pull = load(on, normal_force(on, "x+"), problem.pulse)
-    model = poroelastic(on, space_of(problem.medium), Conditions(held), (pull,))
+    model = poroelastic(on, space_of(problem.medium), Conditions(held), (pull,), stabilization=remedy)
     if not problem.undrained:
         dry = model.constrained.copy()
         dry[on.layout.block("p")] = True
@@ -98,11 +98,11 @@ def _column(name, dim, order, n):
     return put(name, mesh, order), held, top, up
 
 
-def shaken(name, dim, order, n, column=SHAKEN):
+def shaken(name, dim, order, n, column=SHAKEN, remedy="none"):
     """A column shaken for ever: it begins as the formula says and must go on so."""
     on, held, top, up = _column(name, dim, order, n)
     pull = load(on, column.load * normal_force(on, top), Cosine(column.omega))
-    model = poroelastic(on, space_of(column.medium), Conditions(held, (top,)), (pull,))
+    model = poroelastic(on, space_of(column.medium), Conditions(held, (top,)), (pull,), stabilization=remedy)
 
     def exact(time):
         turn = np.exp(1j * column.omega * time)

@@ -107,6 +107,10 @@ def _orders(order):
     return LINEAR if order == 1 else TAYLOR_HOOD
 
 
+def _elements(order, remedy="none"):
+    return f"P{order}–P1" + ("" if remedy == "none" else f", {remedy}")
+
+
 def _terzaghi(dim, order, piston, sizes, fine, u, p):
     return Problem(
         f"Terzaghi {dim}-D, {'load on a tight piston' if piston else 'load on the drained end'}",
@@ -121,11 +125,11 @@ def _terzaghi(dim, order, piston, sizes, fine, u, p):
     )
 
 
-def _mandel(order, plate, sizes, fine, u, p):
+def _mandel(order, plate, sizes, fine, u, p, remedy="none"):
     return Problem(
         f"Mandel, plate {'moved as the formula says' if plate == 'given' else 'rigid under its force'}",
-        f"P{order}–P1",
-        lambda name, n: mandel(name, order, n, plate),
+        _elements(order, remedy),
+        lambda name, n: mandel(name, order, n, plate, remedy=remedy),
         smooth(BLOCK.time_scale, 0.1, 0.4),
         sizes,
         fine,
@@ -171,18 +175,20 @@ def _wave(undrained_bar, fixed, dim, order, sizes, fine, u, p):
     )
 
 
-def _shaken(dim, order, sizes, fine, u, p):
+def _shaken(dim, order, sizes, fine, u, p, remedy="none"):
     period = 1 / SHAKEN.frequency
     return Problem(
         f"Shaken column {dim}-D",
-        f"P{order}–P1",
-        lambda name, n: shaken(name, dim, order, n),
+        _elements(order, remedy),
+        lambda name, n: shaken(name, dim, order, n, remedy=remedy),
         smooth(period, 1.0, 1.9, 2),
         sizes,
         fine,
         _orders(order),
         {"u": u, "p": p},
-        blind=NO_FREE_WALL,
+        # What is lumped is a storage of order h², which coarse meshes feel in ∇u.
+        {"grad u": 0.25},
+        NO_FREE_WALL,
     )
 
 
@@ -239,6 +245,11 @@ PROBLEMS = {
     "tight wave P2": _wave(True, True, 2, 2, (16, 32), (32, 64, 128), 4e-2, 1e-1),
     "shaken P1": _shaken(2, 1, (8, 16), (16, 32, 64), 3e-3, 3e-3),
     "shaken P2": _shaken(2, 2, (8, 16), (8, 16, 32), 2e-3, 2e-3),
+    "mandel lumped P1": _mandel(1, "tied", (8, 16), (16, 32, 64), 2e-4, 8e-4, "lumped"),
+    "mandel projected P1": _mandel(1, "tied", (8, 16), (16, 32, 64), 3e-4, 1.6e-3, "projected"),
+    "mandel lumped P2": _mandel(2, "tied", (4, 8), (8, 16, 32), 2e-4, 3.2e-3, "lumped"),
+    "shaken lumped P1": _shaken(2, 1, (8, 16), (16, 32, 64), 5e-3, 1e-3, "lumped"),
+    "shaken projected P1": _shaken(2, 1, (8, 16), (16, 32, 64), 2e-3, 2e-3, "projected"),
     "sunk P1": _sunk(1, (8, 16), (16, 32, 64)),
     "sunk P2": _sunk(2, (4, 8), (8, 16)),
     "undrained 2-D P1": _squeezed(2, 1, False),

@@ -18,7 +18,7 @@ from dacore.core.model import AffineModel, AffineTerm, Load
 from dacore.core.parameters import Parameter, Parameters, ParameterSpace
 from dacore.errors import ShapeError
 from dacore_biot import material
-from dacore_biot.operators import DISPLACEMENT, PRESSURE, biot_terms
+from dacore_biot.operators import DISPLACEMENT, PRESSURE, Stabilization, biot_terms
 
 _UNITS = {
     "E": "dyn/cm^2",
@@ -83,6 +83,7 @@ def poroelastic(
     conditions: Conditions,
     loads: Sequence[Load],
     inertia: bool = True,
+    stabilization: Stabilization = "none",
 ) -> AffineModel:
     """Build the model of a body under conditions of any kind.
 
@@ -100,12 +101,14 @@ def poroelastic(
         Made with `normal_force`, `surface_force`, `body_force`, or any others.
     inertia : bool
         Without it the motion is quasi-static: a sequence of equilibria, as classical consolidation has it.
+    stabilization : {"none", "lumped", "projected"}
+        A remedy of `dacore_biot.stabilization`.
 
     Returns
     -------
     AffineModel
     """
-    terms = biot_terms(discretization)
+    terms = biot_terms(discretization, stabilization)
     n, mesh = discretization.layout.n_dofs, discretization.mesh
     u, p = discretization.layout.block(DISPLACEMENT), discretization.layout.block(PRESSURE)
     pressed = coo_array(sum(discretization.boundary_coupling(PRESSURE, DISPLACEMENT, role) for role in mesh.roles))
