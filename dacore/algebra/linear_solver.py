@@ -1,7 +1,7 @@
 """What dacore's linear solvers share: a scaled system, the true residual checked, earlier solutions used."""
 
 from abc import abstractmethod
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -9,8 +9,8 @@ from scipy.sparse import csr_array
 from dacore.algebra.elimination import canonical
 from dacore.algebra.threads import one_blas_thread
 from dacore.core.arrays import Array, BoolArray, Sparse
-from dacore.core.solver import LinearSolver
-from dacore.errors import ConvergenceError, ShapeError
+from dacore.core.solver import LinearSolver, SolverMethod
+from dacore.errors import ConvergenceError, PluginError, ShapeError
 
 _LEAST_NEWS = 1e-8  # a direction of which less than this is new would be mostly rounding
 _LEAST_GAIN = 0.25  # a correction that leaves more than this of a residual is not worth repeating
@@ -112,12 +112,20 @@ class CorrectingSolver(LinearSolver):
             self._recall(solution, residual)
             residual = load - self.matrix @ solution  # so far known by recurrence only
         reached = np.linalg.norm(residual, axis=0)
+        remained = np.ones(len(reached))
         while len(open_ := np.flatnonzero(~(reached <= goal))):
-            trial = solution[:, open_] + self.correct(residual[:, open_], goal[open_])
+            correction = np.asarray(self.correct(residual[:, open_], goal[open_]))
+            if correction.shape != (len(load), len(open_)):
+                wanted = (len(load), len(open_))
+                raise PluginError(
+                    f"{self.name}: correct gave shape {correction.shape}, expected {wanted} as the residual"
+                )
+            trial = solution[:, open_] + correction
             left = load[:, open_] - self.matrix @ trial
             norms = np.linalg.norm(left, axis=0)
             stuck = ~((norms <= goal[open_]) | (norms < _LEAST_GAIN * reached[open_]))
             better = norms < reached[open_]  # False for NaN
+            remained[open_] = norms / reached[open_]
             chosen = open_[better]
             solution[:, chosen], residual[:, chosen] = trial[:, better], left[:, better]
             reached[chosen] = norms[better]
@@ -128,7 +136,8 @@ class CorrectingSolver(LinearSolver):
             size = goal[worst] / self.tolerance
             raise ConvergenceError(
                 f"{self.name}: the relative residual of column {worst} is {reached[worst] / size:.1e}, wanted "
-                f"{self.tolerance:.1e}; {self.advice()}"
+                f"{self.tolerance:.1e}, and the last correction left {remained[worst]:.1g} of it, where less than "
+                f"{_LEAST_GAIN:g} is worth another; {self.advice()}"
             )
         for column in range(load.shape[1]):
             self._remember(solution[:, column], load[:, column] - residual[:, column])
@@ -162,6 +171,55 @@ class CorrectingSolver(LinearSolver):
         if left > max(10.0 * self.tolerance, _LEAST_NEWS):
             self._directions[place], self._images[place] = direction / left, image / left
             self._remembered += 1
+
+
+def prepared(
+    method: SolverMethod, matrix: Sparse, definite: BoolArray, tolerance: float, analysis: Any = None
+) -> LinearSolver:
+    """Prepare a solver whose every answer is checked, by itself if it is a `CorrectingSolver`, here otherwise.
+
+    Parameters
+    ----------
+    method : SolverMethod
+    matrix, definite, tolerance, analysis
+        As `SolverMethod.prepare` takes them.
+    """
+    solver = method.prepare(matrix, definite, tolerance, analysis)
+    return solver if isinstance(solver, CorrectingSolver) else _Checked(solver, matrix, definite, tolerance)
+
+
+class _Checked(LinearSolver):
+    """Another's solver, with the true residual of every solution checked."""
+
+    def __init__(self, solver: LinearSolver, matrix: Sparse, definite: BoolArray, tolerance: float) -> None:
+        self._solver, self._matrix, self._tolerance = solver, matrix, tolerance
+        self._scale = _scales(canonical(matrix), definite)[:, None]
+
+    @property
+    def name(self) -> str:
+        """The other's."""
+        return self._solver.name
+
+    def solve(self, rhs: Array, guess: Array | None = None) -> Array:
+        """Solve and check; ConvergenceError if the residual misses the tolerance, PluginError for a wrong shape."""
+        solution = np.asarray(self._solver.solve(rhs, guess))
+        if solution.shape != rhs.shape:
+            raise PluginError(
+                f"{self.name}: solve gave shape {solution.shape}, expected {rhs.shape} as the right-hand side"
+            )
+        load, image = np.atleast_2d(rhs.T).T, np.atleast_2d((self._matrix @ solution).T).T
+        left = np.linalg.norm(self._scale * (load - image), axis=0)
+        size = np.linalg.norm(self._scale * load, axis=0)
+        missed = ~(left <= 2.0 * self._tolerance * size)  # True for NaN
+        if missed.any():
+            worst = int(
+                np.argmax(np.where(missed, np.divide(left, size, out=np.full_like(left, np.inf), where=size > 0), 0))
+            )
+            raise ConvergenceError(
+                f"{self.name}: the relative residual of column {worst} is {left[worst] / size[worst]:.1e}, wanted "
+                f"{self._tolerance:.1e}, and the solver did not say so; it is at fault, choose another one"
+            )
+        return solution
 
 
 def _scales(matrix: Sparse, definite: BoolArray) -> Array:

@@ -145,8 +145,9 @@ class Discretization:
             raise
         except Exception as error:
             reason = " ".join(f"{type(error).__name__}: {error}".split())
+            whose = "mend its installation" if "loaded" in what else "mend it"
             raise PluginError(
-                f"backend {self.backend.name} {what} ({reason}); mend its installation or choose another backend"
+                f"backend {self.backend.name} {what} ({reason}); {whose} or choose another backend"
             ) from error
 
     def scalar_mass(self, field: str) -> Sparse:
@@ -241,7 +242,8 @@ class Discretization:
 
     def _canonical(self, form: str, made: Any, rows: int, columns: int) -> Sparse:
         """Return what a backend made as a csr_array with sorted indices, no entry twice; PluginError if it is none."""
-        matrix = csr_array(made)
+        with self._blame(f"gave {form} as {type(made).__name__}, expected a sparse matrix"):
+            matrix = csr_array(made)
         if matrix.shape != (rows, columns):
             raise PluginError(
                 f"backend {self.backend.name}: {form} has shape {matrix.shape}, expected {(rows, columns)}; "

@@ -7,6 +7,7 @@ from typing import Any, Literal, final
 
 import numpy as np
 
+from dacore.algebra.linear_solver import prepared
 from dacore.algebra.solvers import Auto
 from dacore.core.arrays import Array, check_shape
 from dacore.core.model import AffineModel, ForwardModel, Trajectory
@@ -207,7 +208,7 @@ class MarchedModel(ForwardModel):
         for k, (length, keep) in enumerate(zip(grid.lengths.tolist(), grid.recorded, strict=True)):
             if (new := self.scheme.rule(state, length)) != rule:
                 rule, step = new, system.at(parameters, new)
-                solver = self.method.prepare(step.matrix, system.definite, self.tolerance, self.analysis)
+                solver = prepared(self.method, step.matrix, system.definite, self.tolerance, self.analysis)
             state = step.take(solver, state, profiles[:, k + 1], profiles[:, k], length)
             if keep:
                 recorded[:, :, done] = state.value.T

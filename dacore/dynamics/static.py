@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.sparse import csr_array
 
+from dacore.algebra.linear_solver import prepared
 from dacore.algebra.solvers import Auto
 from dacore.core.arrays import Array, IntArray, Sparse
 from dacore.core.model import AffineModel, combine
@@ -65,9 +66,27 @@ def steady_state(
                 "steady start: some equations vanish at rest (a permeability of zero?), so the state at rest is not "
                 "determined; start from zero instead"
             )
+        _check_determined(model, stiffness, rows)
         if right.any():
             state[rows] = _solve(stiffness, rows, right, method or Auto(), tolerance)
     return state
+
+
+def _check_determined(model: AffineModel, stiffness: Sparse, rows: IntArray) -> None:
+    """ConvergenceError if the constants of a field change nothing: it is held nowhere, and any constant is as good."""
+    block = csr_array(stiffness[rows][:, rows])
+    layout = model.space.layout
+    for field in layout.fields:
+        for component in range(field.components):
+            part = layout.component(field.name, component)
+            constant = ((rows >= part.start) & (rows < part.stop)).astype(np.float64)
+            largest = float((abs(block) @ constant).max(initial=0.0))
+            if constant.any() and float(np.abs(block @ constant).max()) <= 1e-12 * largest:
+                which = f"component {component} of {field.name}" if field.components > 1 else field.name
+                raise ConvergenceError(
+                    f"steady start: {which} is held nowhere, so the state at rest is determined up to a constant only; "
+                    "hold it on some part of the boundary, or start from zero instead"
+                )
 
 
 def consistent_start(model: AffineModel, parameters: Parameters, start: State, tolerance: float = 1e-12) -> State:
@@ -111,4 +130,4 @@ def consistent_start(model: AffineModel, parameters: Parameters, start: State, t
 def _solve(matrix: Sparse, rows: IntArray, right: Array, method: SolverMethod, tolerance: float) -> Array:
     """Solve the symmetric positive definite block of `matrix` at `rows`."""
     block = csr_array(matrix[rows][:, rows])
-    return method.prepare(block, np.ones(rows.size, dtype=bool), tolerance).solve(right)
+    return prepared(method, block, np.ones(rows.size, dtype=bool), tolerance).solve(right)

@@ -2,9 +2,10 @@
 
 import hashlib
 import importlib
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cache, cached_property
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -60,13 +61,22 @@ class Builder:
         return load()
 
     def _make(self, kind: str, table: PluginTable, key: str) -> Any:
-        return build(self._class(kind, table.kind, key), table.settings, f"{self.where}: {key}", self.base)
+        cls = self._class(kind, table.kind, key)
+        taken = (
+            [each.name for each in fields(cls) if each.name in type(table).model_fields] if is_dataclass(cls) else []
+        )
+        if taken:
+            raise SceneError(
+                f"{self.where}: {key}: {kind} {table.kind!r} has a setting {taken[0]!r}, a key of the scene itself; "
+                "its author must rename it"
+            )
+        return build(cls, table.settings, f"{self.where}: {key}", self.base)
 
     def _class(self, kind: str, name: str, key: str) -> type[Any]:
         try:
             return self.registry.get(kind, name)
-        except MissingDependencyError:
-            raise
+        except MissingDependencyError as error:
+            raise MissingDependencyError(f"{self.where}: {key}: {error}") from error
         except PluginError as error:
             raise SceneError(f"{self.where}: {key}: {error}") from error
 
@@ -87,8 +97,19 @@ class Builder:
     @cached_property
     def backend(self) -> Backend:
         """The finite element library."""
-        made: Backend = self._class("backend", self.scene.discretization.backend, "discretization.backend")()
+        name, key = self.scene.discretization.backend, "discretization.backend"
+        cls = self._class("backend", name, key)
+        with self.blame(key):
+            made: Backend = cls()
+            if made.name != name:
+                raise PluginError(f"backend {name!r} calls itself {made.name!r}; its author must use one name")
         return made
+
+    @property
+    def backend_version(self) -> str:
+        """Version of the finite element library; SceneError if the plugin cannot tell."""
+        with self.blame("discretization.backend"):
+            return self.backend.version()
 
     @cached_property
     def observations(self) -> dict[str, ObservationOperator]:
@@ -224,15 +245,25 @@ class Builder:
             raise
         except DacoreError as error:
             raise SceneError(f"{self.where}: {key}: {error}") from error
+        except MemoryError:
+            raise
+        except Exception as error:
+            # No error that dacore foresees: a fault of a plugin's code, which its author sees with --debug.
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            raise SceneError(
+                f"{self.where}: {key}: its plugin failed ({reason}); dacore --debug shows where"
+            ) from error
 
     def version_of(self, kind: str, name: str) -> str:
-        """Version of the plugin that a result depends on, with a hash of its source.
+        """Version of the plugin that a result depends on, with a hash of its source and of the plugins it builds on.
 
         The hash makes a change of an installed-in-place plugin's code show, and costs a millisecond.
         """
         cls = self.registry.get(kind, name)
+        packages = {each.__module__.partition(".")[0] for each in cls.__mro__}
+        own = sorted(packages - {"dacore"} - sys.stdlib_module_names) or ["dacore"]
         rows = [row.version for row in self.registry.table() if row.kind == kind and row.name == name]
-        return f"{rows[0] if rows else 'unknown'}+{source_hash(cls.__module__)}"
+        return f"{rows[0] if rows else 'unknown'}+{'+'.join(map(source_hash, own))}"
 
     def versions(self) -> dict[str, str]:
         """Versions of dacore, its numerical libraries and every installed plugin distribution."""
@@ -245,7 +276,7 @@ class Builder:
             except PackageNotFoundError:
                 out[name] = __version__ if name == "dacore" else "not installed"
         if self.scene.domain is not None:
-            out[f"backend {self.scene.discretization.backend}"] = self.backend.version()
+            out[f"backend {self.scene.discretization.backend}"] = self.backend_version
         return out
 
 
@@ -263,6 +294,8 @@ def source_hash(module: str, folders: tuple[str, ...] = ("",)) -> str:
     package = importlib.import_module(module.partition(".")[0])
     if package.__file__ is None:
         return "none"
+    if not hasattr(package, "__path__"):  # a module of its own; its folder is everybody's
+        return hashlib.sha256(Path(package.__file__).read_bytes()).hexdigest()[:12]
     root = Path(package.__file__).parent
     content = hashlib.sha256()
     for folder in folders:

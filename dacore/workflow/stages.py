@@ -178,7 +178,7 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
         )  # fmt: skip
         backend = scene.discretization.backend
         model_settings |= {
-            "backend": [backend, builder.version_of("backend", backend), builder.backend.version()],
+            "backend": [backend, builder.version_of("backend", backend), builder.backend_version],
         }
     stages += [
         Stage(

@@ -182,7 +182,7 @@ def test_unsymmetric_matrices_are_found_out():
 
 def test_the_iteration_says_what_it_reached():
     matrix = csr_array(line(30_000))
-    with pytest.raises(ConvergenceError, match=r"conjugate gradients .* wanted 1\.0e-10; .*direct"):
+    with pytest.raises(ConvergenceError, match=r"conjugate gradients .* wanted 1\.0e-10, .*direct"):
         make_solver(matrix, np.ones(30_000, dtype=bool), "krylov").solve(np.ones(30_000))
 
 

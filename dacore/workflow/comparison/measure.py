@@ -128,7 +128,7 @@ class Measurement:
         with self._timed("first assembly", time.perf_counter):
             model = builder.assemble(mesh)
         if mesh is not None:
-            self.facts["library"] = builder.backend.version()
+            self.facts["library"] = builder.backend_version
         del model
         with self._timed("assembly"):
             model = builder.assemble(mesh)
