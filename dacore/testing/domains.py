@@ -9,7 +9,7 @@ import numpy as np
 from dacore.core.domain import Domain
 from dacore.core.mesh import Mesh
 from dacore.testing import settings
-from dacore.testing.suite import Suite, bind, require
+from dacore.testing.suite import Suite, bind, expect_kind, require
 
 _ARRAYS = ("points", "cells", "facets", "facet_tags")
 
@@ -90,5 +90,11 @@ def domain_suite(domain: Domain) -> Suite:
     Returns
     -------
     Suite
+
+    Raises
+    ------
+    PluginError
+        If it is no domain.
     """
+    expect_kind("domain_suite", domain, Domain)
     return Suite((*bind(settings.CHECKS, domain), *bind(CHECKS, Made(domain))))

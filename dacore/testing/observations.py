@@ -13,12 +13,15 @@ from dacore.core.arrays import Array
 from dacore.core.observation import Functionals, ObservationOperator
 from dacore.core.quantity import QuantityOfInterest
 from dacore.core.space import StateSpace
-from dacore.errors import CapabilityError
+from dacore.errors import CapabilityError, PluginError
 from dacore.testing import settings
 from dacore.testing.spaces import box_space, interpolate, renumbered, without
-from dacore.testing.suite import Suite, bind, fail, require
+from dacore.testing.suite import Suite, bind, expect_kind, expect_maker, fail, require
 
-Reproduces = Literal["nothing", "constants", "linear"]
+# Of a field that is linear: values (m, c) at the centres, gradient (c, d), directions (m, d) -> what is measured (m,).
+Law = Callable[[Array, Array, Array], Array]
+Reproduces = Literal["nothing", "constants", "linear"] | Law
+WORDS = ("nothing", "constants", "linear")
 _CAPABILITIES = frozenset({"points", "cells", "boundary"})
 
 
@@ -31,14 +34,17 @@ class Measurement:
     operator : ObservationOperator or QuantityOfInterest
     make : callable
         Makes the space when it is first needed.
-    reproduces : {"nothing", "constants", "linear"}
+    reproduces : {"nothing", "constants", "linear"} or callable
     derivative : int or None
+    unit : str or None
+        Of what is measured; None: that of the field, over cm for a derivative.
     """
 
     operator: ObservationOperator | QuantityOfInterest
     make: Callable[[], StateSpace] = field(repr=False)
     reproduces: Reproduces = "constants"
     derivative: int | None = None
+    unit: str | None = None
 
     @property
     def name(self) -> str:
@@ -52,8 +58,14 @@ class Measurement:
 
     @cached_property
     def found(self) -> Functionals:
-        """The functionals on the space."""
-        return self.operator.functionals(self.space)
+        """The functionals on the space, once they are known to be functionals of it: all checks stand on them."""
+        found: object = self.operator.functionals(self.space)
+        if not isinstance(found, Functionals):
+            fail(f"{self.name}: returns a {type(found).__name__}, expected Functionals")
+        matrix, n = found.matrix, self.space.n_dofs
+        require(isinstance(matrix, csr_array), f"{self.name}: matrix is a {type(matrix).__name__}, expected csr_array")
+        require(matrix.shape[1] == n, f"{self.name}: matrix has {matrix.shape[1]} columns, the space has {n} dofs")
+        return found
 
     def seen(self, row: int) -> list[str]:
         """Names of the fields that a functional sees."""
@@ -76,11 +88,9 @@ class Measurement:
 
 def functionals_of_the_space(case: Measurement) -> None:
     """`functionals` returns `Functionals` whose matrix is a finite float64 csr_array with a column for each dof."""
-    found, n = case.found, case.space.n_dofs
+    found = case.found
     require(type(found) is Functionals, f"{case.name}: returns a {type(found).__name__}, expected Functionals")
     matrix = found.matrix
-    require(isinstance(matrix, csr_array), f"{case.name}: matrix is a {type(matrix).__name__}, expected csr_array")
-    require(matrix.shape[1] == n, f"{case.name}: matrix has {matrix.shape[1]} columns, the space has {n} dofs")
     require(matrix.dtype == np.float64, f"{case.name}: matrix has type {matrix.dtype}, expected float64")
     require(bool(np.isfinite(matrix.data).all()), f"{case.name}: matrix holds NaN or infinite values")
 
@@ -141,34 +151,42 @@ def constants_are_reproduced(case: Measurement) -> None:
     for name in {each for row in range(case.found.count) for each in case.seen(row)}:
         which = [row for row in range(case.found.count) if case.seen(row) == [name]]
         directions, unit = case.directions(name), case.space.layout.field(name).unit
-        wanted_unit = unit if case.derivative is None else f"{unit}/cm"
+        wanted_unit = case.unit or (unit if case.derivative is None else f"{unit}/cm")
         require(
             case.found.unit == wanted_unit,
-            f"{case.name}: measures {name} in {case.found.unit!r}, expected {wanted_unit!r}",
+            f"{case.name}: measures {name} in {case.found.unit!r}, expected {wanted_unit!r}; for another quantity than "
+            "the field itself give the suite its unit, and as reproduces what it measures of a linear field",
         )
-        for c in range(case.space.layout.field(name).components):
+        components = case.space.layout.field(name).components
+        for c in range(components):
             state = np.zeros(case.space.n_dofs)
             state[case.space.layout.component(name, c)] = 1.0
             values = case.found(state)[which]
             want = np.zeros(len(which))
-            if case.derivative is None:
+            if callable(case.reproduces):
+                want = _by_law(case, which, np.eye(components)[c], np.zeros((components, case.found.centres.shape[1])))
+            elif case.derivative is None:
                 # The weights of a field that is no vector of space are not stated: any of its components, or none.
                 want = np.round(values) if directions is None else directions[which, c]
             _close(case, values, want, which, f"component {c} of {name} is 1 everywhere")
 
 
 def linear_fields_are_reproduced(case: Measurement) -> None:
-    """A linear field is measured as its value at the centre (or its slope), in the direction stated."""
-    if case.reproduces != "linear":
+    """A linear field is measured as its value at the centre (or its slope), in the direction stated, or by its law."""
+    if case.reproduces in ("nothing", "constants"):
         return
     rng = np.random.default_rng(0)
     for name in {each for row in range(case.found.count) for each in case.seen(row)}:
         which = [row for row in range(case.found.count) if case.seen(row) == [name]]
         directions, components = case.directions(name), case.space.layout.field(name).components
-        if directions is None:
-            continue
         slopes, level = rng.standard_normal((components, case.found.centres.shape[1])), rng.standard_normal(components)
         state = interpolate(case.space, name, partial(_linear, slopes, level))
+        if callable(case.reproduces):
+            want = _by_law(case, which, level, slopes)
+            _close(case, case.found(state)[which], want, which, f"{name} is linear")
+            continue
+        if directions is None:
+            continue
         if case.derivative is None:
             at_centres = case.found.centres[which] @ slopes.T + level
         else:
@@ -194,17 +212,18 @@ def linear_in_the_state(case: Measurement) -> None:
 
 def the_same_again(case: Measurement) -> None:
     """Asked again, and asked of equal or pickled settings, the functionals are the same."""
+    first = case.found
     copies = {"asked again": case.operator, "pickled": pickle.loads(pickle.dumps(case.operator))}
     copies["made again"] = replace(case.operator)  # type: ignore[type-var]
     for how, operator in copies.items():
         again = operator.functionals(case.space)
-        same = np.array_equal(again.matrix.toarray(), case.found.matrix.toarray()) and again.labels == case.found.labels
+        same = np.array_equal(again.matrix.toarray(), first.matrix.toarray()) and again.labels == first.labels
         require(same, f"{case.name}: gives other functionals when {how}")
 
 
 def nothing_given_is_changed(case: Measurement) -> None:
     """Neither the settings nor the space are changed, and the functionals share no memory with the space."""
-    before = pickle.dumps(case.operator)
+    own, before = case.found, pickle.dumps(case.operator)
     arrays: dict[str, Any] = {}
     if "cells" in case.space.capabilities:
         geometry = case.space.cells()
@@ -215,7 +234,7 @@ def nothing_given_is_changed(case: Measurement) -> None:
     require(pickle.dumps(case.operator) == before, f"{case.name}: changes its settings when it is used")
     for name, value in arrays.items():
         require(np.array_equal(value, kept[name]), f"{case.name}: changes the {name} of the space")
-        for mine in (found.matrix.data, found.matrix.indices, np.asarray(found.sites)):
+        for mine in (own.matrix.data, found.matrix.data, found.matrix.indices, np.asarray(found.sites)):
             require(not np.shares_memory(mine, value), f"{case.name}: its functionals share memory with the {name}")
 
 
@@ -223,9 +242,9 @@ def numbering_does_not_matter(case: Measurement) -> None:
     """On the same space with its nodes in another order, the same places measure the same."""
     if not case.space.capabilities:
         return  # nodes without places have nothing but their numbers
-    other, dofs = renumbered(case.space)
+    first, (other, dofs) = case.found, renumbered(case.space)
     found = case.operator.functionals(other)
-    require(found.labels == case.found.labels, f"{case.name}: other labels when the nodes of the space are renumbered")
+    require(found.labels == first.labels, f"{case.name}: other labels when the nodes of the space are renumbered")
     want = case.found.matrix.toarray()
     moved = found.matrix.toarray()[:, dofs]
     gap = float(np.abs(moved - want).max() / np.abs(want).max())
@@ -234,7 +253,7 @@ def numbering_does_not_matter(case: Measurement) -> None:
 
 def what_a_space_lacks_is_refused(case: Measurement) -> None:
     """On a space without a capability that it `needs`, or uses, CapabilityError is raised; otherwise it works."""
-    needs = type(case.operator).needs
+    whole, needs = case.found.matrix.toarray(), type(case.operator).needs
     good = isinstance(needs, frozenset) and needs <= _CAPABILITIES
     require(good, f"{case.name}: needs is {needs!r}, expected a frozenset of {', '.join(sorted(_CAPABILITIES))}")
     for capability in sorted(case.space.capabilities):
@@ -250,7 +269,7 @@ def what_a_space_lacks_is_refused(case: Measurement) -> None:
                 f"{case.name}: on a space without {capability} raises {type(error).__name__}, expected CapabilityError"
             )
         require(capability not in needs, f"{case.name}: needs {capability}, but does not refuse a space without")
-        same = np.allclose(found.matrix.toarray(), case.found.matrix.toarray(), atol=1e-12)
+        same = np.allclose(found.matrix.toarray(), whole, atol=1e-12)
         require(same, f"{case.name}: measures something else on a space without {capability}, in silence")
 
 
@@ -278,6 +297,7 @@ def observation_suite(
     space: Callable[[], StateSpace] = box_space,
     reproduces: Reproduces = "constants",
     derivative: int | None = None,
+    unit: str | None = None,
 ) -> Suite:
     """Make every check of a kind of measurement, with one choice of its settings.
 
@@ -286,25 +306,75 @@ def observation_suite(
     operator : ObservationOperator
     space : callable
         Makes a state space; by default a cube of 3 cm with fields u (vector), p and c.
-    reproduces : {"nothing", "constants", "linear"}
-        What is measured as it is: nothing, a constant field, or also the value of a linear field at the centre.
+    reproduces : {"nothing", "constants", "linear"} or callable
+        What is measured as it is: nothing, a constant field, or also the value of a linear field at the centre. Where
+        something else is measured of a field, the law of it: a function of the values (m, c) of a linear field at the
+        centres, its gradient (c, d), ∂_j u_i in row i, and the directions (m, d), that returns what must be
+        measured (m,).
     derivative : int, optional
         Axis, if it is a derivative that is measured.
+    unit : str, optional
+        Of what is measured; by default the field's own, over cm for a derivative.
 
     Returns
     -------
     Suite
+
+    Raises
+    ------
+    PluginError
+        If it is no observation, or another argument is not as stated.
     """
-    case = Measurement(operator, space, reproduces, derivative)
+    expect_kind("observation_suite", operator, ObservationOperator)
+    case = _measurement("observation_suite", operator, space, reproduces, derivative, unit)
     return Suite((*bind(settings.CHECKS, operator), *bind(OBSERVATION_CHECKS, case)))
 
 
 def quantity_suite(
-    quantity: QuantityOfInterest, space: Callable[[], StateSpace] = box_space, reproduces: Reproduces = "constants"
+    quantity: QuantityOfInterest,
+    space: Callable[[], StateSpace] = box_space,
+    reproduces: Reproduces = "constants",
+    derivative: int | None = None,
+    unit: str | None = None,
 ) -> Suite:
     """Make every check of a number of interest; parameters as for `observation_suite`."""
-    case = Measurement(quantity, space, reproduces)
+    expect_kind("quantity_suite", quantity, QuantityOfInterest)
+    case = _measurement("quantity_suite", quantity, space, reproduces, derivative, unit)
     return Suite((*bind(settings.CHECKS, quantity), *bind(QUANTITY_CHECKS, case)))
+
+
+def _measurement(
+    suite: str,
+    operator: ObservationOperator | QuantityOfInterest,
+    space: Callable[[], StateSpace],
+    reproduces: Reproduces,
+    derivative: int | None,
+    unit: str | None,
+) -> Measurement:
+    """Check what does not depend on the space."""
+    expect_maker(suite, "space", space)
+    if not callable(reproduces) and reproduces not in WORDS:
+        raise PluginError(
+            f"{suite}: reproduces is {reproduces!r}, expected {', '.join(map(repr, WORDS))} or a function of values, "
+            "gradient and directions"
+        )
+    if derivative is not None and (callable(reproduces) or not isinstance(derivative, int) or derivative < 0):
+        raise PluginError(
+            f"{suite}: derivative is {derivative!r}, expected the number of an axis, and none beside a function for "
+            "reproduces, which is given the gradient"
+        )
+    return Measurement(operator, space, reproduces, derivative, unit)
+
+
+def _by_law(case: Measurement, which: list[int], level: Array, slopes: Array) -> Array:
+    """What must be measured of the field level + slopes · x, by the law that the suite was given."""
+    __tracebackhide__ = True
+    law: Any = case.reproduces
+    values = case.found.centres[which] @ slopes.T + level
+    given = np.asarray(law(values, slopes, case.found.directions[which]), dtype=np.float64)
+    good = given.shape == (len(which),)
+    require(good, f"{case.name}: the function for reproduces returns {given.shape} values, expected ({len(which)},)")
+    return given
 
 
 def _linear(slopes: Array, level: Array, x: Array) -> Array:

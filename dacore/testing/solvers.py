@@ -1,7 +1,8 @@
 """Contracts of a linear solver: it solves what it is given, to the tolerance, or says that it cannot."""
 
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -14,7 +15,7 @@ from dacore.errors import ConvergenceError, ShapeError
 from dacore.testing import settings
 from dacore.testing.meshes import shuffled_box
 from dacore.testing.reference import Reference
-from dacore.testing.suite import Suite, bind, fail, require
+from dacore.testing.suite import ContractError, Suite, bind, expect_kind, fail, require
 
 TOLERANCES = (1e-4, 1e-8, 1e-10)
 
@@ -126,24 +127,26 @@ def reaches_the_tolerance(bench: Bench) -> None:
     for what, system in bench.systems.items():
         rhs = bench.right_sides(system)
         for tolerance in TOLERANCES:
-            solver = bench.prepare(system, tolerance)
-            require(isinstance(solver, LinearSolver), f"{bench.name}: prepare returns a {type(solver).__name__}")
-            for columns in (rhs, rhs[:, 0], rhs[:, [1]]):
-                _solved(bench, what, system, solver.solve(columns), columns, tolerance)
+            with _on(bench, f"{what} with the tolerance {tolerance:.0e}"):
+                solver = bench.prepare(system, tolerance)
+                require(isinstance(solver, LinearSolver), f"{bench.name}: prepare returns a {type(solver).__name__}")
+                for columns in (rhs, rhs[:, 0], rhs[:, [1]]):
+                    _solved(bench, what, system, solver.solve(columns), columns, tolerance)
 
 
 def many_solves_stay_exact(bench: Bench) -> None:
     """Solve after solve, alike or not, with a guess or without, meets the tolerance; a zero gives zero."""
     rng = np.random.default_rng(3)
     for what, system in bench.systems.items():
-        solver = bench.prepare(system)
         rhs = bench.right_sides(system, 2)
-        for k in range(12):
-            rhs = rhs + 0.1 * bench.right_sides(system, 2, seed=k)
-            guess = None if k % 3 == 0 else rng.standard_normal(rhs.shape) * np.abs(rhs).max()
-            _solved(bench, what, system, solver.solve(rhs, guess), rhs, 1e-8)
-        mixed = np.stack([np.zeros(len(rhs)), rhs[:, 0]], axis=1)
-        given = solver.solve(mixed, np.ones_like(mixed))
+        with _on(bench, what):
+            solver = bench.prepare(system)
+            for k in range(12):
+                rhs = rhs + 0.1 * bench.right_sides(system, 2, seed=k)
+                guess = None if k % 3 == 0 else rng.standard_normal(rhs.shape) * np.abs(rhs).max()
+                _solved(bench, what, system, solver.solve(rhs, guess), rhs, 1e-8)
+            mixed = np.stack([np.zeros(len(rhs)), rhs[:, 0]], axis=1)
+            given = solver.solve(mixed, np.ones_like(mixed))
         require(not given[:, 0].any(), f"{bench.name}: on {what}, the solution of a column of zeros is not zero")
         _solved(bench, what, system, given, mixed, 1e-8)
 
@@ -154,8 +157,8 @@ def a_guess_is_only_a_guess(bench: Bench) -> None:
         rhs = bench.right_sides(system, 2)
         exact = np.linalg.solve(system.matrix.toarray(), rhs)
         for where, guess in (("the solution", exact), ("far away", 1e6 * exact[::-1]), ("zero", np.zeros_like(rhs))):
-            solver = bench.prepare(system, 1e-10)
-            given = solver.solve(rhs, guess)
+            with _on(bench, f"{what} from a guess, {where},"):
+                given = bench.prepare(system, 1e-10).solve(rhs, guess)
             _solved(bench, f"{what} from a guess, {where},", system, given, rhs, 1e-10)
 
 
@@ -169,7 +172,9 @@ def solvers_do_not_disturb_each_other(bench: Bench) -> None:
     for _ in range(2):
         for what, system, solver in pairs:
             rhs = bench.right_sides(system)
-            _solved(bench, f"{what}, with other solvers in use,", system, solver.solve(rhs), rhs, 1e-8)
+            with _on(bench, f"{what}, with other solvers in use,"):
+                given = solver.solve(rhs)
+            _solved(bench, f"{what}, with other solvers in use,", system, given, rhs, 1e-8)
 
 
 def an_analysis_serves_the_pattern(bench: Bench) -> None:
@@ -186,8 +191,9 @@ def an_analysis_serves_the_pattern(bench: Bench) -> None:
     )
     rhs = bench.right_sides(other)
     for what, given in (("a pickled analysis", copy), ("no analysis", None)):
-        solver = bench.method.prepare(other.matrix, other.definite, 1e-8, given)
-        _solved(bench, f"another matrix with {what}", other, solver.solve(rhs), rhs, 1e-8)
+        with _on(bench, f"another matrix with {what}"):
+            solution = bench.method.prepare(other.matrix, other.definite, 1e-8, given).solve(rhs)
+        _solved(bench, f"another matrix with {what}", other, solution, rhs, 1e-8)
 
 
 def nothing_given_is_changed(bench: Bench) -> None:
@@ -317,12 +323,31 @@ def solver_suite(method: SolverMethod) -> Suite:
     Returns
     -------
     Suite
+
+    Raises
+    ------
+    PluginError
+        If it is no solver.
     """
+    expect_kind("solver_suite", method, SolverMethod)
     return Suite((*bind(settings.CHECKS, method), *bind(CHECKS, Bench(method))))
+
+
+@contextmanager
+def _on(bench: Bench, what: str) -> Iterator[None]:
+    """Say on which system a solver stops, whatever it raises."""
+    __tracebackhide__ = True
+    try:
+        yield
+    except ContractError:
+        raise
+    except Exception as error:
+        raise ContractError(f"{bench.name}: on {what} raises {type(error).__name__}: {error}") from error
 
 
 def _solved(bench: Bench, what: str, system: System, given: Array, rhs: Array, tolerance: float) -> None:
     __tracebackhide__ = True
+    require(isinstance(given, np.ndarray), f"{bench.name}: on {what}, solve returns a {type(given).__name__}, no array")
     require(given.shape == rhs.shape, f"{bench.name}: on {what}, the solution has shape {given.shape}, not {rhs.shape}")
     left = system.residual(given, rhs)
     worst = int(np.argmax(np.where(np.isnan(left), np.inf, left)))

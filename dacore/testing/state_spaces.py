@@ -13,7 +13,7 @@ from dacore.core.simplex import barycentric_gradients, lagrange, n_local
 from dacore.core.space import CellGeometry, Product, StateSpace
 from dacore.errors import CapabilityError, MeshError, ShapeError
 from dacore.testing.spaces import node_points
-from dacore.testing.suite import Suite, bind, fail, require
+from dacore.testing.suite import Suite, bind, expect_maker, fail, require
 
 KINDS: tuple[Product, ...] = ("l2", "h1")
 
@@ -269,7 +269,13 @@ def space_suite(space: Callable[[], StateSpace], roles: Sequence[str] = ()) -> S
     Returns
     -------
     Suite
+
+    Raises
+    ------
+    PluginError
+        If `space` cannot be called.
     """
+    expect_maker("space_suite", "space", space)
     return Suite(bind(CHECKS, Space(space, roles)))
 
 

@@ -1,11 +1,14 @@
 """Suites: named checks bound to a subject, run by pytest or by themselves."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NoReturn
 
 from dacore.algebra.threads import one_blas_thread
-from dacore.errors import MissingDependencyError
+from dacore.errors import MissingDependencyError, PluginError
+
+# What dacore says to somebody who does not run these checks at the moment.
+_ADVICE = "; run dacore.testing's checks on the backend"
 
 
 class ContractError(AssertionError):
@@ -60,7 +63,12 @@ class Case:
         """Run the check; raises if the contract is broken."""
         # The matrices are tiny: threads of BLAS only wait for each other on a busy machine.
         with one_blas_thread():
-            self.check.function(self.subject)
+            try:
+                self.check.function(self.subject)
+            except PluginError as error:
+                if not str(error).endswith(_ADVICE):
+                    raise
+                raise ContractError(str(error).removesuffix(_ADVICE)) from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,13 +80,18 @@ class Failure:
     case : Case
     error : Exception
         A `ContractError`, or what the subject raised.
+    stopped : tuple of str
+        Names of cases that were stopped by the same error, raised at the same place: they are not failures of their
+        own.
     """
 
     case: Case
     error: Exception
+    stopped: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        return f"{self.case.name}: {type(self.error).__name__}: {self.error}"
+        more = f"; not run, since the same error stops them: {', '.join(self.stopped)}" if self.stopped else ""
+        return f"{self.case.name}: {type(self.error).__name__}: {self.error}{more}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +125,11 @@ class Suite:
         ------
         MissingDependencyError
             If pytest is not installed.
+
+        Notes
+        -----
+        A case that is stopped by an error that another case has failed with before is skipped, and says so: one
+        mistake is one failure.
         """
         try:
             import pytest
@@ -121,10 +139,18 @@ class Suite:
                 "or run the suite with dacore.testing.run"
             ) from error
 
+        failed: dict[tuple[object, ...], str] = {}
+
         @pytest.mark.parametrize("case", [pytest.param(case, id=case.name) for case in self.cases])
         def test(case: Case) -> None:
             __tracebackhide__ = True
-            case()
+            try:
+                case()
+            except Exception as error:
+                first = failed.setdefault(_origin(error), case.name)
+                if first != case.name:
+                    pytest.skip(f"not run: {first} failed with the same error, {type(error).__name__}: {error}")
+                raise
 
         return test
 
@@ -139,15 +165,28 @@ def run(suite: Iterable[Case]) -> list[Failure]:
     Returns
     -------
     list of Failure
-        Empty if every contract is kept.
+        Empty if every contract is kept. Cases that the same error stops are one failure.
     """
-    failures = []
+    failures: dict[tuple[object, ...], Failure] = {}
     for case in suite:
         try:
             case()
         except Exception as error:  # noqa: BLE001  a plugin may raise anything; all of it is a failure
-            failures.append(Failure(case, error))
-    return failures
+            first = failures.setdefault(key := _origin(error), Failure(case, error))
+            if first.case is not case:
+                failures[key] = replace(first, stopped=(*first.stopped, case.name))
+    return list(failures.values())
+
+
+def _origin(error: BaseException) -> tuple[object, ...]:
+    """Kind, message and place of what was raised first: equal for one mistake that several checks run into."""
+    while error.__cause__ is not None:
+        error = error.__cause__
+    place = error.__traceback__
+    while place is not None and place.tb_next is not None:
+        place = place.tb_next
+    where = () if place is None else (place.tb_frame.f_code.co_filename, place.tb_lineno)
+    return (type(error), str(error), *where)
 
 
 def fail(message: str) -> NoReturn:
@@ -166,3 +205,35 @@ def require(kept: bool, message: str) -> None:
 def bind(functions: Iterable[Callable[[Any], None]], subject: Any, label: str = "") -> tuple[Case, ...]:
     """Bind check functions to one subject."""
     return tuple(Case(Check(function), subject, label) for function in functions)
+
+
+def expect_kind(suite: str, given: object, kind: type[Any]) -> None:
+    """Refuse what a suite is not for, when it is made.
+
+    Raises
+    ------
+    PluginError
+        If `given` is not an instance of `kind`.
+    """
+    if isinstance(given, kind):
+        return
+    if isinstance(given, type):
+        what, then = f"the class {given.__name__}", f"make it first: {suite}({given.__name__}(...))"
+    else:
+        what, then = f"a {type(given).__name__}", f"derive its class from {kind.__module__}.{kind.__name__}"
+    raise PluginError(f"{suite}: got {what}, expected an instance of a {kind.__name__}; {then}")
+
+
+def expect_maker(suite: str, name: str, given: object) -> None:
+    """Refuse a space or a mesh in place of a function that makes it, when the suite is made.
+
+    Raises
+    ------
+    PluginError
+        If `given` cannot be called.
+    """
+    if not callable(given):
+        raise PluginError(
+            f"{suite}: {name} is a {type(given).__name__}, expected a function without arguments that makes it; "
+            f"write lambda: ..., so that nothing is made before the first test"
+        )

@@ -4,9 +4,9 @@ import numpy as np
 from scipy.sparse import diags_array
 
 from dacore.core.mesh import Mesh
-from dacore.core.simplex import barycentric_gradients, lagrange
+from dacore.core.simplex import barycentric_gradients, lagrange, lagrange_gradient
 from dacore.testing.meshes import with_points
-from tests.conformance.sound_backend import Delegate, caught_by, skfem
+from tests.conformance.sound_backend import Delegate, Sound, caught_by, skfem
 
 
 @caught_by("gradient_coupling", "-1 times what it should be", also=("integrals_between_fields", "green"))
@@ -33,7 +33,12 @@ class OtherTransposedCoupling(Delegate):
         return self.inner.gradient_coupling(scalar, vector).T
 
 
-@caught_by("canonical_matrices", "gradient coupling has shape")
+@caught_by(
+    "canonical_matrices",
+    r"it is transposed, rows belong to the test function(.|\n)*gradient coupling has shape \(\d+, \d+\), expected "
+    r"\(\d+, \d+\)$",
+    also=("gradient_coupling",),
+)
 class RowsOfTheTrialFunction(Delegate):
     def gradient_coupling(self, scalar, vector):
         return self.inner.gradient_coupling(scalar, vector).T
@@ -46,6 +51,46 @@ class CouplingWithoutAComponent(Delegate):
         count = len(self.mesh.nodes(vector))
         made[:, count : 2 * count] = 0.0
         return made
+
+
+@caught_by("stiffness", "P2, .*likely cause: quadrature of too low order")
+class GradientsAtTheMiddle(Delegate):
+    def stiffness(self, order):
+        gradients, volumes = barycentric_gradients(self.mesh.points, self.mesh.cells)
+        middle = np.full(self.mesh.dim + 1, 1.0 / (self.mesh.dim + 1))
+        slopes = np.einsum("ni,kid->knd", lagrange_gradient(order, middle), gradients)
+        nodes = self.mesh.cell_nodes(order)
+        out = np.zeros((len(self.mesh.nodes(order)),) * 2)
+        np.add.at(out, (nodes[:, :, None], nodes[:, None, :]), np.einsum("k,knd,kmd->knm", volumes, slopes, slopes))
+        return out
+
+
+@caught_by("mass", "likely cause: numbers of too few digits")
+class SinglePrecision(Delegate):
+    def mass(self, order):
+        return self.inner.mass(order).astype(np.float32).astype(np.float64)
+
+
+@caught_by("mass", r"\d+ of (\d+) entries differ, and \d+ are not zero where no cell contributes")
+class EntriesBeyondTheCells(Delegate):
+    def mass(self, order):
+        return self.inner.mass(order).toarray() + 1e-3
+
+
+@caught_by("strain", r"has shape .* likely cause: it is for one component, expected all of the vector")
+class StrainOfOneComponent(Delegate):
+    def strain(self, order):
+        return self.inner.stiffness(order)
+
+
+@caught_by(
+    "evaluation_at_nodes", "assembler.mesh. is a int, expected an Assembler", also=("mass", "canonical_matrices")
+)
+class NoAssembler(Sound):
+    name = "broken"
+
+    def assembler(self, mesh):
+        return 3
 
 
 @caught_by("gradient_coupling", "shape")
@@ -93,13 +138,15 @@ class UnsymmetricStiffness(Delegate):
         return matrix + 1e-7 * np.triu(matrix, 1)
 
 
-@caught_by("mass", "P2, .*entries differ", also=("integrals_of_scalar_polynomials",))
+@caught_by(
+    "mass", "P2, .*entries differ.*likely cause: quadrature of too low order", also=("integrals_of_scalar_polynomials",)
+)
 class QuadratureTooLow(Delegate):
     def mass(self, order):
         dim = self.mesh.dim
         # Exact to degree 2, where P2 needs 4: the middles of the sides, or four points inside.
-        a = 0.5 if dim == 2 else 0.58541020
-        b = 0.5 if dim == 2 else 0.13819660
+        a = 0.5 if dim == 2 else 0.5854101966249685
+        b = 0.5 if dim == 2 else 0.1381966011250105
         points = np.full((dim + 1, dim + 1), b) + (a - b) * np.eye(dim + 1)
         if dim == 2:
             points = 0.5 * (1.0 - np.eye(3))
@@ -111,7 +158,7 @@ class QuadratureTooLow(Delegate):
         return out
 
 
-@caught_by("boundary_mass", "P1, .*entries differ")
+@caught_by("boundary_mass", "P1, .*entries differ.*likely cause: quadrature of too low order")
 class BoundaryQuadratureTooLow(Delegate):
     def boundary_mass(self, order, role):
         if order == 2:

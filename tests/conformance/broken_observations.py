@@ -1,6 +1,6 @@
 """Observations and quantities that are wrong in one way each."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, ClassVar
 
@@ -17,10 +17,10 @@ POSITIONS = ((1.1, 1.7, 0.8), (0.4, 2.2, 1.3), (2.9, 0.1, 2.95))
 MUTANTS = []
 
 
-def caught_by(check, says="", also=()):
+def caught_by(check, says="", also=(), keywords=None):
     def declare(cls):
         make = quantity_suite if issubclass(cls, QuantityOfInterest) else observation_suite
-        suite = partial(lambda: make(cls(), reproduces="linear"))
+        suite = partial(lambda: make(cls(), **({"reproduces": "linear"} | (keywords or {}))))
         MUTANTS.append(Mutant(cls.__name__, suite, (check, *also), says))
         return cls
 
@@ -73,6 +73,76 @@ class SoundQuantity(QuantityOfInterest):
 class WeightsDoNotSumToOne(Sound):
     def broken(self, space, found):
         return {"matrix": 0.9 * found["matrix"]}
+
+
+def stretch(values, gradient, directions):
+    """Strain of a linear displacement along directions."""
+    return np.einsum("mi,ij,mj->m", directions, gradient, directions)
+
+
+@dataclass(frozen=True)
+class Gauge(ObservationOperator):
+    """Mean strain of u between two points."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"points"})
+
+    start: tuple[float, ...] = POSITIONS[0]
+    end: tuple[float, ...] = POSITIONS[1]
+    unit: str = "1"
+
+    def functionals(self, space):
+        self.check(space)
+        ends = np.array([self.start, self.end])
+        along = ends[1] - ends[0]
+        direction = along / np.linalg.norm(along)
+        values = space.evaluation(ends, "u").toarray().reshape(3, 2, -1)
+        row = direction @ (values[:, 1] - values[:, 0]) / self.over(np.linalg.norm(along))
+        return Functionals(
+            csr_array(row[None]), ("strain",), self.unit, ends.mean(axis=0)[None], direction[None], np.array([0])
+        )
+
+    def over(self, length):
+        return length
+
+
+STRAIN = {"reproduces": stretch, "unit": "1"}
+
+
+@caught_by("linear_fields_are_reproduced", "all values are 0.994987 times", keywords=STRAIN)
+@dataclass(frozen=True)
+class ForgetsTheLength(Gauge):
+    def over(self, length):
+        return 1.0
+
+
+@caught_by("constants_are_reproduced", "expected 'cm'; for another quantity than the field itself")
+@dataclass(frozen=True)
+class IsNoValue(Gauge):
+    pass
+
+
+@caught_by("constants_are_reproduced", "measures u in 'cm', expected '1'", keywords=STRAIN)
+@dataclass(frozen=True)
+class StrainInCentimetres(Gauge):
+    unit: str = "cm"
+
+
+@caught_by("constants_are_reproduced", "u is 1 everywhere, expected 0", keywords=STRAIN)
+@dataclass(frozen=True)
+class TakesOneEnd(Gauge):
+    def functionals(self, space):
+        found = super().functionals(space)
+        return replace(found, matrix=csr_array(np.maximum(found.matrix.toarray(), 0.0)))
+
+
+@caught_by(
+    "linear_fields_are_reproduced",
+    r"the function for reproduces returns \(1, 3\) values, expected \(1,\)",
+    keywords={"reproduces": lambda values, gradient, directions: values, "unit": "1"},
+)
+@dataclass(frozen=True)
+class LawOfAnotherShape(Gauge):
+    pass
 
 
 @caught_by("directions_fit_the_field", "its direction names")

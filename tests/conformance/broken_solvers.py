@@ -80,6 +80,20 @@ class ResidualOfTheLargestColumn(Sound):
         return x if x.ndim == 1 else x + 1e-3 * solver.tolerance * np.abs(x).max() * np.ones_like(x)
 
 
+@caught_by("reaches_the_tolerance", "on a poroelastic step with the tolerance 1e-04 raises RuntimeError: out of memory")
+class FailsOnCoupledSystems(Sound):
+    def prepare(self, matrix, definite, tolerance, analysis=None):
+        if not definite.all():
+            raise RuntimeError("out of memory")
+        return super().prepare(matrix, definite, tolerance, analysis)
+
+
+@caught_by("many_solves_stay_exact", "on a poroelastic step, solve returns a list, no array")
+class ReturnsAList(Sound):
+    def change(self, solver, rhs, guess):
+        return solver.inner.solve(rhs, guess).tolist()
+
+
 @caught_by("a_guess_is_only_a_guess", "from a guess", also=("many_solves_stay_exact",))
 class AddsTheGuess(Sound):
     def change(self, solver, rhs, guess):

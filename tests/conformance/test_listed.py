@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -23,7 +24,7 @@ from dacore.testing import (
     space_suite,
 )
 from dacore.testing.spaces import Chain, ReferenceBackend
-from tests.conformance import broken_forms, sound_backend
+from tests.conformance import broken_forms, broken_spaces, sound_backend
 from tests.graph_plugin import Ring, Tank, Thermometers
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs/conformance.md").read_text(encoding="utf-8")
@@ -94,8 +95,8 @@ def test_running_needs_no_pytest():
 
 
 def test_a_failure_names_the_case_and_the_error():
-    (case,) = (case for case in domain_suite(None) if case.check.name == "makes_a_mesh")
-    (failure,) = run([case])
+    (case,) = (case for case in domain_suite(broken_spaces.SoundDomain()) if case.check.name == "makes_a_mesh")
+    (failure,) = run([replace(case, subject=None)])
     assert str(failure) == "makes_a_mesh: AttributeError: 'NoneType' object has no attribute 'mesh'"
 
 

@@ -9,6 +9,7 @@ from tests.conformance.mutants import needed
 
 SOUND = {
     "observation": observation_suite(broken_observations.Sound(), reproduces="linear"),
+    "strain": observation_suite(broken_observations.Gauge(), **broken_observations.STRAIN),
     "quantity": quantity_suite(broken_observations.SoundQuantity(), reproduces="linear"),
     "solver": solver_suite(broken_solvers.Sound()),
     "estimator": estimator_suite(broken_estimators.Sound(), deviations=True),

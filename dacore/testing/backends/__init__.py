@@ -6,7 +6,7 @@ from dacore.core.discretization import Backend
 from dacore.testing.backends import conduct, declaration, entries, evaluation, identities
 from dacore.testing.backends.stand import Stand
 from dacore.testing.meshes import graded_box, islands, shuffled_box
-from dacore.testing.suite import Suite, bind
+from dacore.testing.suite import Suite, bind, expect_kind
 
 
 def backend_suite(backend: Backend) -> Suite:
@@ -24,7 +24,13 @@ def backend_suite(backend: Backend) -> Suite:
     Returns
     -------
     Suite
+
+    Raises
+    ------
+    PluginError
+        If it is no backend.
     """
+    expect_kind("backend_suite", backend, Backend)
     cases = list(bind(declaration.CHECKS, backend))
     on_any = (*entries.CHECKS, *evaluation.GENERAL)
     for dim in (2, 3):

@@ -10,6 +10,7 @@ from dacore.errors import ShapeError
 from dacore.testing.backends.stand import ORDERS, Stand, sample_points
 from dacore.testing.compare import Form, Side, agree
 from dacore.testing.polynomials import Polynomial
+from dacore.testing.reference import Expected
 from dacore.testing.suite import fail, require
 
 
@@ -20,7 +21,7 @@ def values_at_points(stand: Stand) -> None:
         want = stand.reference.evaluation(points, k, None)
         mistakes: dict[str, Callable[[], Array]] = {"it takes the nearest vertex": partial(_nearest, stand, points, k)}
         form = Form(stand.where("evaluation", f"P{k}"), Side(points, what="point"), stand.side(k), mistakes)
-        agree(stand.discretization.evaluation(points, f"p{k}"), want, form)
+        _agree(stand, points, k, None, want, form)
 
 
 def derivatives_at_points(stand: Stand) -> None:
@@ -36,7 +37,7 @@ def derivatives_at_points(stand: Stand) -> None:
             }
             name = stand.where(f"evaluation of the derivative along axis {axis}", f"P{k}")
             form = Form(name, Side(points, what="point"), stand.side(k), others)
-            agree(stand.discretization.evaluation(points, f"u{k}", axis), want, form)
+            _agree(stand, points, k, axis, want, form)
 
 
 def evaluation_at_nodes(stand: Stand) -> None:
@@ -121,3 +122,13 @@ def _nearest(stand: Stand, points: Array, order: int) -> Array:
 
 def _derivative(stand: Stand, points: Array, order: int, axis: int) -> Array:
     return stand.reference.evaluation(points, order, axis).matrix
+
+
+def _agree(stand: Stand, points: Array, order: int, axis: int | None, want: Expected, form: Form) -> None:
+    __tracebackhide__ = True
+    agree(
+        lambda: stand.discretization.evaluation(points, f"u{order}", axis),
+        lambda: stand.assembler().evaluation(points, order, axis),
+        want,
+        form,
+    )

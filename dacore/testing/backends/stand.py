@@ -13,6 +13,7 @@ from dacore.core.fields import Field
 from dacore.core.mesh import Mesh
 from dacore.testing.compare import Side
 from dacore.testing.reference import Reference
+from dacore.testing.suite import require
 
 ORDERS = (1, 2)
 # Orders of a vector and of a scalar element.
@@ -50,6 +51,9 @@ class Stand:
     @cached_property
     def discretization(self) -> Discretization:
         """The backend on the mesh with fields u1, u2, p1, p2; shared by all checks of the mesh."""
+        made: object = self.assembler()
+        good = isinstance(made, Assembler)
+        require(good, f"backend {self.backend.name}: assembler(mesh) is a {type(made).__name__}, expected an Assembler")
         return discretize(self.backend, self.mesh)
 
     @cached_property

@@ -4,7 +4,7 @@ from dacore.core.estimator import Estimator
 from dacore.testing import settings
 from dacore.testing.estimators import conduct, results
 from dacore.testing.estimators.stand import Bench
-from dacore.testing.suite import Suite, bind
+from dacore.testing.suite import Suite, bind, expect_kind
 
 
 def estimator_suite(estimator: Estimator, affine: bool = True, deviations: bool = False) -> Suite:
@@ -23,6 +23,12 @@ def estimator_suite(estimator: Estimator, affine: bool = True, deviations: bool 
     Returns
     -------
     Suite
+
+    Raises
+    ------
+    PluginError
+        If it is no estimator.
     """
+    expect_kind("estimator_suite", estimator, Estimator)
     bench = Bench(estimator, affine, deviations)
     return Suite((*bind(settings.CHECKS, estimator), *bind((*results.CHECKS, *conduct.CHECKS), bench)))

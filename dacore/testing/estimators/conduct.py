@@ -28,7 +28,7 @@ def nothing_given_is_changed(bench: Bench) -> None:
     for array in given.values():
         array.flags.writeable = False
     try:
-        prepared = bench.estimator.prepare(bench.background, bench.functionals, bench.noise(), steps)
+        prepared = bench.prepare(bench.background, bench.functionals, bench.noise(), steps)
         estimate = prepared.estimate(data, scale, mask)
         estimate.state()
         prepared.estimate(data, scale).functional(bench.functionals)
@@ -147,7 +147,7 @@ def deviations_hold(bench: Bench) -> None:
     truth = bench.population.draw(rng, cases)
     for kind, scale in (("white", 0.3), ("white", 3.0), ("sensors", 1.0), ("correlated", 1.0)):
         noise = bench.noise(kind)
-        prepared = bench.estimator.prepare(bench.background, bench.functionals, noise)
+        prepared = bench.prepare(bench.background, bench.functionals, noise)
         data = bench.functionals(truth) + scale * noise.sample(rng, (bench.m, bench.steps, cases))
         estimate = prepared.estimate(data, scale)
         require(estimate.uncertainty is not None, f"{bench.name}: claims deviations and gives no uncertainty")
@@ -167,7 +167,7 @@ def noise_level_enters_once(bench: Bench) -> None:
     """Noise prepared twice as large and half the scale are the same noise."""
     rows = np.random.default_rng(15).standard_normal((2, bench.space.n_dofs))
     ours = bench.prepared.estimate(bench.data, 1.0)
-    other = bench.estimator.prepare(bench.background, bench.functionals, WhiteNoise(0.6)).estimate(bench.data, 0.5)
+    other = bench.prepare(bench.background, bench.functionals, WhiteNoise(0.6)).estimate(bench.data, 0.5)
     off = gap(other.state(), ours.state())
     require(
         off < 1e-6, f"{bench.name}: noise of 0.6 at scale 0.5 and of 0.3 at scale 1 differ by {off:.1e} in the state"

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dacore.core.estimator import Estimate, PreparedEstimator
+from dacore.core.estimator import Estimate
 from dacore.core.noise import WhiteNoise
 from dacore.core.observation import Functionals
 from dacore.testing.backgrounds import Weighted, functionals_of
@@ -17,7 +17,6 @@ _ROUNDING = 1e-9
 def shapes(bench: Bench) -> None:
     """An estimate has coefficients (r, t, k), the steps observed, perhaps a correction (m, t, k) with its Riesz map."""
     estimate = bench.prepared.estimate(bench.data)
-    require(isinstance(bench.prepared, PreparedEstimator), f"{bench.name}: prepare returns a {type(bench.prepared)}")
     require(isinstance(estimate, Estimate), f"{bench.name}: estimate returns a {type(estimate).__name__}")
     r, (m, t, k) = bench.background.dimension, bench.data.shape
     require(estimate.background is bench.background, f"{bench.name}: the estimate has another background")
@@ -36,7 +35,7 @@ def shapes(bench: Bench) -> None:
 def stability_constants(bench: Bench) -> None:
     """`inf_sup` has one number for each observed step, between 0 and 1, or NaN."""
     for steps in (None, np.array([1, 3])):
-        prepared = bench.estimator.prepare(bench.background, bench.functionals, bench.noise(), steps)
+        prepared = bench.prepare(bench.background, bench.functionals, bench.noise(), steps)
         constants, count = np.asarray(prepared.inf_sup), bench.steps if steps is None else len(steps)
         good = constants.shape == (count,)
         require(good, f"{bench.name}: inf_sup has shape {constants.shape} for {count} observed steps")
@@ -83,7 +82,7 @@ def the_same_again(bench: Bench) -> None:
     first = parts(bench.prepared.estimate(bench.data))
     bench.prepared.estimate(-3.0 * bench.data[:, :, ::-1], 2.0)
     bench.prepared.estimate(bench.data, 0.0, np.arange(bench.m) % 4 != 0)
-    anew = bench.estimator.prepare(bench.background, bench.functionals, bench.noise())
+    anew = bench.prepare(bench.background, bench.functionals, bench.noise())
     for how, prepared in (("asked again", bench.prepared), ("prepared anew", anew)):
         for name, array in parts(prepared.estimate(bench.data)).items():
             off = gap(array, first[name])
@@ -131,14 +130,14 @@ def masks(bench: Bench) -> None:
     spoiled[~mask] = np.nan
     for kind in ("white", "sensors", "correlated"):
         noise = bench.noise(kind)
-        prepared = bench.estimator.prepare(bench.background, bench.functionals, noise)
+        prepared = bench.prepare(bench.background, bench.functionals, noise)
         want = prepared.estimate(np.where(mask[:, None, None], bench.data, 0.0), 1.0, mask).state()
         other = prepared.estimate(np.where(mask[:, None, None], bench.data, 1e6), 1.0, mask).state()
         off = gap(other, want)
         require(off < _ROUNDING, f"{bench.name}: the state depends on masked data (by {off:.1e}) with {kind} noise")
         off = gap(prepared.estimate(spoiled, 1.0, mask).state(), want)
         require(off < _ROUNDING, f"{bench.name}: masked NaN reach the state")
-        fewer = bench.estimator.prepare(bench.background, bench.fewer(mask), noise.marginal(mask))
+        fewer = bench.prepare(bench.background, bench.fewer(mask), noise.marginal(mask))
         off = gap(fewer.estimate(bench.data[mask]).state(), want)
         require(off < 1e-6, f"{bench.name}: a masked estimate differs by {off:.1e} from one prepared without them")
         off = gap(
@@ -153,7 +152,7 @@ def units_do_not_matter(bench: Bench) -> None:
     factor = 10.0
     matrix = factor * bench.functionals.matrix.toarray()
     functionals = replace(functionals_of(matrix), unit="mm")
-    prepared = bench.estimator.prepare(bench.background, functionals, WhiteNoise(0.3 * factor))
+    prepared = bench.prepare(bench.background, functionals, WhiteNoise(0.3 * factor))
     off = gap(prepared.estimate(factor * bench.data).state(), bench.prepared.estimate(bench.data).state())
     require(off < 1e-6, f"{bench.name}: measured in mm in place of cm the state differs by {off:.1e}")
 
@@ -161,7 +160,7 @@ def units_do_not_matter(bench: Bench) -> None:
 def some_steps_observed(bench: Bench) -> None:
     """With some of the steps observed, data and estimate have these steps."""
     steps = np.array([0, 3])
-    prepared = bench.estimator.prepare(bench.background, bench.functionals, bench.noise(), steps)
+    prepared = bench.prepare(bench.background, bench.functionals, bench.noise(), steps)
     estimate = prepared.estimate(bench.data[:, steps])
     require(
         np.array_equal(estimate.steps, steps), f"{bench.name}: observes {steps}, and its steps are {estimate.steps}"

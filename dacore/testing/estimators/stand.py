@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from dacore.core.arrays import Array, BoolArray
+from dacore.core.arrays import Array, BoolArray, IntArray
 from dacore.core.background import Background
 from dacore.core.estimator import Estimate, Estimator, PreparedEstimator
 from dacore.core.noise import CorrelatedNoise, NoiseModel, SensorNoise, WhiteNoise
 from dacore.core.observation import Functionals
 from dacore.testing.backgrounds import Population, functionals_of, random_functionals
 from dacore.testing.spaces import Chain
+from dacore.testing.suite import require
 
 
 @dataclass(eq=False)
@@ -74,7 +75,16 @@ class Bench:
     @cached_property
     def prepared(self) -> PreparedEstimator:
         """The estimator prepared with white noise."""
-        return self.estimator.prepare(self.background, self.functionals, self.noise())
+        return self.prepare(self.background, self.functionals, self.noise())
+
+    def prepare(
+        self, background: Background, functionals: Functionals, noise: NoiseModel, steps: IntArray | None = None
+    ) -> PreparedEstimator:
+        """Prepare the estimator anew, and look at what it returns."""
+        made = self.estimator.prepare(background, functionals, noise, steps)
+        good = isinstance(made, PreparedEstimator)
+        require(good, f"{self.name}: prepare returns a {type(made).__name__}, expected a PreparedEstimator")
+        return made
 
     @cached_property
     def truth(self) -> Array:

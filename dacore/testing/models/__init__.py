@@ -10,7 +10,7 @@ from dacore.testing import settings
 from dacore.testing.models import affine, forward
 from dacore.testing.models.stand import Stand
 from dacore.testing.spaces import ReferenceBackend
-from dacore.testing.suite import Suite, bind
+from dacore.testing.suite import Suite, bind, expect_kind, expect_maker
 
 
 def model_suite(
@@ -37,6 +37,14 @@ def model_suite(
     Returns
     -------
     Suite
+
+    Raises
+    ------
+    PluginError
+        If it is no physics, or `mesh` cannot be called.
     """
+    expect_kind("model_suite", physics, Physics)
+    if mesh is not None:
+        expect_maker("model_suite", "mesh", mesh)
     stand = Stand(physics, mesh, grid or TimeGrid(5e-4, 4), backend or ReferenceBackend(), affine_in)
     return Suite((*bind(settings.CHECKS, physics), *bind((*forward.CHECKS, *affine.CHECKS), stand)))

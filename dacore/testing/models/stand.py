@@ -13,6 +13,7 @@ from dacore.core.model import AffineModel, ForwardModel, Physics
 from dacore.core.timegrid import TimeGrid
 from dacore.dynamics.march import MarchedModel
 from dacore.testing.spaces import ReferenceBackend
+from dacore.testing.suite import fail
 
 
 @dataclass(eq=False)
@@ -59,7 +60,10 @@ class Stand:
     @cached_property
     def built(self) -> AffineModel | ForwardModel:
         """The model as it is built."""
-        return self.build()
+        made: object = self.build()
+        if not isinstance(made, AffineModel | ForwardModel):
+            fail(f"{self.name}: builds a {type(made).__name__}, expected AffineModel or ForwardModel")
+        return made
 
     @property
     def affine(self) -> AffineModel | None:
