@@ -20,12 +20,16 @@ from tests.backends import backend
 from tests.hazards.manufactured import TISSUE
 
 HEIGHT = 4.0
+SUDDEN = TimeGrid(5e-4, 20)
 SIDES = ("x-", "x+", "y-", "y+")
 
 
 @dataclass(frozen=True)
 class Column:
-    """How a column is computed: cells of its height, order of u, remedy, and whether tissue has inertia."""
+    """How a column is computed: cells of its height, order of u, remedy, and whether tissue has inertia.
+
+    It is `width` cells wide: on a single one, pressures of opposite sign on the two walls disturb the projection.
+    """
 
     cells: int
     order: int = 1
@@ -33,13 +37,16 @@ class Column:
     inertia: bool = True
     height: float = HEIGHT
     name: str = "skfem"
+    width: int = 4
 
     def mesh(self):
         size = self.height / self.cells
-        return Box((0.0, 0.0), (size, self.height), (1, self.cells), {side: (side,) for side in SIDES}).mesh()
+        return Box(
+            (0.0, 0.0), (size * self.width, self.height), (self.width, self.cells), {side: (side,) for side in SIDES}
+        ).mesh()
 
     def model(self, cause, theta):
-        """`cause` "load": a unit total pressure presses on the top, where p = 0. "pressure": it is the fluid's, p = 1."""
+        """Make it; `cause` is a "load": a total pressure of 1 on the top, where p = 0, or a "pressure" there."""
         discretization = backend(self.name).discretize(self.mesh(), biot_fields(2, self.order))
         layout, mesh = discretization.layout, discretization.mesh
         held = np.zeros(layout.n_dofs)
@@ -50,15 +57,16 @@ class Column:
         made = poroelastic(discretization, parameters, conditions, [load], self.inertia)
         return replace(made, first_order=biot_terms(discretization, self.stabilization).first_order)
 
-    def solve(self, cause, grid=TimeGrid(5e-4, 20), scheme=None, **changes):
-        """Return heights (n,), pressures (n, t) and displacements (n, t) along the left wall."""
+    def solve(self, cause, grid=SUDDEN, scheme=None, **changes):
+        """Return heights (n,), pressures (n, t) along the left wall, and displacements (n, t), their means across."""
         theta = TISSUE | changes
         model = self.model(cause, theta)
         states = MarchedModel(model, grid, scheme).solve(theta | {"one": 1.0}).states
-        layout, mesh = model.space.layout, model.space.discretization.mesh
-        wall = np.flatnonzero(mesh.points[:, 0] == 0.0)
-        wall = wall[np.argsort(mesh.points[wall, 1])]
-        return mesh.points[wall, 1], states[layout.block("p")][wall], states[layout.component("u", 1)][wall]
+        layout, points = model.space.layout, model.space.discretization.mesh.points
+        by_height = np.lexsort([points[:, 0], points[:, 1].round(9)])
+        rows = by_height.reshape(self.cells + 1, self.width + 1)
+        moved = states[layout.component("u", 1)][: len(points)][rows]
+        return points[rows[:, 0], 1], states[layout.block("p")][rows[:, 0]], moved.mean(axis=1)
 
 
 def diffusivity(**changes):

@@ -19,7 +19,7 @@ def column(size, **settings):
 
 @pytest.fixture(scope="module")
 def exact():
-    fine = column(1 / 64, stabilization="lumped")
+    fine = column(1 / 64, width=1, stabilization="lumped")
     return fine.solve("load", TimeGrid(5e-4, 40, substeps=4, graded=10))
 
 
@@ -33,10 +33,16 @@ def errors(exact, size, grid, **settings):
 
 def test_fluid_that_leaves_needs_cells_of_half_the_layer(exact):
     """In one cycle, on elements of each kind."""
-    for settings, coarse in (({}, 0.4), ({"order": 2}, 0.4), ({"stabilization": "projected"}, 0.6)):
+    for settings, coarse in (
+        ({"order": 2}, 0.4),
+        ({"stabilization": "projected"}, 0.4),
+        ({"stabilization": "lumped"}, 1.0),
+    ):
         assert errors(exact, 5, PLAIN, **settings)[3] > coarse
         assert abs(errors(exact, 0.5, PLAIN, **settings)[3]) < 0.03
-    assert errors(exact, 5, PLAIN, stabilization="lumped")[3] > 1.5
+    # Plain elements get the fluid right by chance, since the pressure that drives it is wrong by half as much again.
+    assert errors(exact, 5, PLAIN)[0] > 1.2
+    assert errors(exact, 0.5, PLAIN)[0] < 0.1
 
 
 def test_shorter_first_steps_do_nothing_for_a_coarse_mesh(exact):

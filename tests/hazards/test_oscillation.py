@@ -16,14 +16,13 @@ from dacore_biot.cautions import Oscillation, cell_sizes
 from dacore_biot.model import Biot
 from dacore_biot.operators import biot_fields, biot_terms
 from tests.backends import READY, backend
-from tests.hazards.column import Column, at, difference
+from tests.hazards.column import SUDDEN, Column, at, difference
 from tests.hazards.manufactured import TISSUE, one_step, square
 
 PLAIN, LUMPED, PROJECTED, QUADRATIC = (
     {}, {"stabilization": "lumped"}, {"stabilization": "projected"}, {"order": 2},
 )  # fmt: skip
 REMEDIES = [LUMPED, PROJECTED, QUADRATIC]
-SUDDEN = TimeGrid(5e-4, 20)
 
 
 def inf_sup(cells, order=1, stabilization="none"):
@@ -64,8 +63,8 @@ def test_overshoot_after_a_sudden_load(name):
     for key, settings in {"plain": PLAIN, "lumped": LUMPED, "projected": PROJECTED, "P2": QUADRATIC}.items():
         pressure = Column(8, inertia=False, name=name, **settings).solve("load", SUDDEN)[1]
         excess[key] = max(pressure.max() - 1, -pressure.min())
-    assert excess["plain"] > 1.4
-    assert excess["lumped"] < 1e-6
+    assert excess["plain"] > 1.0
+    assert excess["lumped"] < 0.02
     assert excess["projected"] < 0.6
     assert excess["P2"] < 0.6
 
@@ -93,7 +92,7 @@ def test_order_of_convergence_is_kept_where_no_remedy_is_needed(remedy):
 
 def test_waves_pass_the_projected_remedy_and_not_the_lumped_one():
     """p − p(top) behind a jump of the pressure: a wave of compression, which needs the small storage of the tissue."""
-    exact = Column(1000).solve("pressure", SUDDEN)
+    exact = Column(1000, width=1).solve("pressure", SUDDEN)
 
     def error(**settings):
         column = Column(16, **settings).solve("pressure", SUDDEN)
@@ -109,8 +108,8 @@ def test_waves_pass_the_projected_remedy_and_not_the_lumped_one():
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_projection_sees_no_linear_pressure_and_none_exceeds_lumping(dim, order):
-    from dacore.testing.meshes import shuffled_box  # noqa: PLC0415
-    from dacore_biot.stabilization import cell_mean_mass, less_than_lumped, projected_gradients  # noqa: PLC0415
+    from dacore.testing.meshes import shuffled_box
+    from dacore_biot.stabilization import cell_mean_mass, less_than_lumped, projected_gradients
 
     mesh = shuffled_box(dim)
     mass = backend("skfem").discretize(mesh, biot_fields(dim, order)).scalar_mass("p")

@@ -28,3 +28,5 @@ test_taylor_hood = model_suite(
     backend=SkfemBackend(),
     affine_in=LOADS,
 ).as_test()
+test_lumped = model_suite(Biot(stabilization="lumped"), partial(head, 2, 5), affine_in=LOADS).as_test()
+test_projected = model_suite(Biot(stabilization="projected"), partial(head, 2, 5), affine_in=LOADS).as_test()

@@ -105,6 +105,8 @@ def test_a_domain_without_ventricles(on):
     ("settings", "message"),
     [
         ({"displacement_order": 3}, "displacement_order"),
+        ({"stabilization": "some"}, "'none', 'lumped' or 'projected'"),
+        ({"stabilization": "projected", "displacement_order": 2}, "which needs none"),
         ({"pressure_on_neck": "both"}, "pressure_on_neck"),
         ({"frequency": 0.0}, "frequency"),
         ({"neck": "mre"}, "three different"),
