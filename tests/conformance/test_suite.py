@@ -153,4 +153,4 @@ class FlatMethod(SolverMethod):
 def test_a_correction_of_a_wrong_shape_is_said_with_the_system():
     failures = [failure for case in solver_suite(FlatMethod()) for failure in run([case])]
     text = str(next(failure for failure in failures if failure.case.name == "reaches_the_tolerance"))
-    assert "FlatMethod: on a poroelastic step with the tolerance 1e-04 raises " in text
+    assert "on a poroelastic step with the tolerance 1e-04 raises PluginError: flat: correct gave shape (208,)" in text
