@@ -2,7 +2,8 @@
 
 Everything else may call those libraries as it likes as long as the call means the same from 0.5.2
 (Debian 12) to 0.11. Written against the sources of 0.5.2, 0.6.0, 0.7.3, 0.8.0, 0.9.0, 0.10.0 and
-0.11.0. Importing this module imports DOLFINx, starts MPI and leaves no other trace.
+0.11.0; run on 0.5.2, 0.9.0 and 0.11.0. Importing this module imports DOLFINx, starts MPI and leaves
+no other trace.
 """
 
 import re
@@ -75,7 +76,8 @@ def facet_tags(domain: Any, facets: IntArray) -> Any:
 def space(domain: Any, order: int, jit: dict[str, Any]) -> Any:
     """Scalar Lagrange elements of `order`."""
     make = fem.FunctionSpace if VERSION < (0, 7) else fem.functionspace
-    return make(domain, ("Lagrange", order), **_jit(jit))
+    # Elements are not compiled since 0.8; the arguments went with 0.10.
+    return make(domain, ("Lagrange", order), **(_jit(jit) if VERSION < (0, 10) else {}))
 
 
 def cell_dofs(functions: Any) -> IntArray:
