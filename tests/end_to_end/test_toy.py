@@ -64,6 +64,13 @@ def test_results_say_where_they_come_from(results):
     assert results["scene"]["training"]["samples"] == 14
 
 
+def test_what_to_beware_of_is_in_results_and_report(finished, results):
+    (caution,) = results["cautions"]
+    assert "set physics.stabilization" in caution
+    report = (finished[0] / "report.html").read_text(encoding="utf-8")
+    assert "<strong>Beware:</strong> pressure may oscillate" in report
+
+
 def test_figures_are_there_and_not_empty(finished):
     names = {path.stem for path in (finished[0] / "figures").glob("*.png")}
     expected = {
