@@ -119,7 +119,7 @@ def test_one_block_alone_is_solved_by_conjugate_gradients(sign):
 def test_a_limit_of_iterations_is_kept_and_said():
     system = poroelastic_step(n=4, inertia=1.0)
     solver = PetscKrylov(iterations=2).prepare(system.matrix, system.definite, 1e-10)
-    with pytest.raises(ConvergenceError, match=r"PETSc's gmres .* wanted 1.0e-10; use petsc_mumps or the"):
+    with pytest.raises(ConvergenceError, match=r"PETSc's gmres \(\d+ iter.* wanted 1.0e-10.*; use petsc_mumps"):
         solver.solve(1e3 * right_side(system, 1))
     assert solver.iterations % 2 == 0
 
