@@ -18,6 +18,7 @@ from dacore.core.observation import Functionals
 from dacore.io.atomic import atomic_write
 from dacore.studies.errors import JOINT
 from dacore.studies.validation import PRIOR, Outcome, Validation
+from dacore.workflow.build import Builder
 from dacore.workflow.machine import peak_memory
 from dacore.workflow.session import Session
 
@@ -46,8 +47,7 @@ def summarise(session: Session, seconds: float) -> dict[str, Any]:
         "scene": scene.model_dump(mode="json"),
         "truth_of": "unseen cases drawn uniformly from the parameters' ranges",
         "seeds": {"training": scene.training.seed, "validation": scene.validation.seed, "noise": scene.noise.seed},
-        "versions": {"python": platform.python_version(), **session.builder.versions()},
-        "machine": {"system": platform.platform(), "processor": platform.machine(), "cores": os.cpu_count()},
+        **circumstances(session.builder),
         "timings": timings | {"total": round(seconds, 3)},
         "peak_memory_mib": {"main": round(peak_memory(), 1)},
         "mesh": _mesh(session.mesh) if scene.domain is not None else None,
@@ -70,6 +70,14 @@ def summarise(session: Session, seconds: float) -> dict[str, Any]:
             "parameters": dict(refinement.parameters),
         }
     return summary
+
+
+def circumstances(builder: Builder) -> dict[str, Any]:
+    """Versions and machine, which every result names."""
+    return {
+        "versions": {"python": platform.python_version(), **builder.versions()},
+        "machine": {"system": platform.platform(), "processor": platform.machine(), "cores": os.cpu_count()},
+    }
 
 
 def write_json(content: Mapping[str, Any], path: Path) -> None:

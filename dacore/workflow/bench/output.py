@@ -2,8 +2,6 @@
 
 import csv
 import io
-import os
-import platform
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +27,7 @@ from dacore.workflow.drawn import Drawn, error_name
 from dacore.workflow.output import write_figures
 from dacore.workflow.report import write_report
 from dacore.workflow.report_parts import Provenance, Report, Section, Table
-from dacore.workflow.results import numbers, write_json
+from dacore.workflow.results import circumstances, numbers, write_json
 
 SCHEMA = 1
 
@@ -83,8 +81,7 @@ def summarise(bench: Bench) -> dict[str, Any]:
         "scene": bench.builder.scene.model_dump(mode="json"),
         "reference": dict(bench.reference),
         "reference_moves_when_its_steps_are_halved": dict(bench.doubt),
-        "versions": {"python": platform.python_version(), **bench.builder.versions()},
-        "machine": {"system": platform.platform(), "processor": platform.machine(), "cores": os.cpu_count()},
+        **circumstances(bench.builder),
         "growth": {
             name: {"exponent": fit.exponent, "factor": fit.factor, "scatter": fit.scatter} for name, fit in fits.items()
         },
@@ -103,12 +100,12 @@ def summarise(bench: Bench) -> dict[str, Any]:
 def _text(bench: Bench, kind: Kind) -> str:
     if kind != "forward":
         return ""
-    settings = "; ".join(f"```{key} = {value}```" for key, value in bench.reference.items())
+    settings = "; ".join(f"`{key} = {value}`" for key, value in bench.reference.items())
     return (
         "Relative space–time differences at some hundred points inside the domain, parameters in the middle of their "
         f"ranges, from a **reference** computed by dacore itself with {settings}: what it shares with a point, a "
         "mesh say, is not in the point's error. Work is CPU time of assembly, analysis and one trajectory."
-    ).replace("```", "`")
+    )
 
 
 def _draw(bench: Bench) -> list[Drawn]:

@@ -19,7 +19,7 @@ from dacore.studies.validation import PRIOR
 from dacore.workflow.bench.sweeps import Kind, Sweep, damped_time, default_sweeps, pick
 from dacore.workflow.build import Builder
 from dacore.workflow.comparison.measure import Job, read_arrays
-from dacore.workflow.comparison.run import checked, make_domain, run_job
+from dacore.workflow.comparison.run import checked, make_domains, run_job
 from dacore.workflow.comparison.variants import Axis, Variant, combinations
 from dacore.workflow.machine import usable_cores
 from dacore.workflow.stages import ProgressBoard
@@ -140,8 +140,8 @@ def bench(
     with tempfile.TemporaryDirectory(prefix="dacore-bench-") as scratch:
         kept = cache or Path(scratch) / "cache"
         make_folder(kept)
-        meshes = [make_domain(each, kept) for each in (*builders, checked(reference, path))]
-        probes = _probes([mesh for mesh in meshes if mesh is not None]) if forward else ()
+        meshes = make_domains([*builders, checked(reference, path)], kept)
+        probes = _probes(meshes) if forward else ()
 
         def measured(variant: Variant, kind: Kind, number: str) -> dict[str, Any]:
             folder = Path(scratch) / number
@@ -154,7 +154,7 @@ def bench(
             found = run_job(job, variant.label or "as it stands", 0, board)
             if "error" not in found:
                 arrays = read_arrays(folder / "arrays.npz")
-                wanted = ("probe", "functionals", "trajectory measured")
+                wanted = ("probe", "trajectory measured")
                 found["arrays"] = {name: array for name, array in arrays.items() if name.startswith(wanted)}
                 (folder / "arrays.npz").unlink()
             return found
@@ -191,7 +191,7 @@ def _probes(meshes: Sequence[Mesh]) -> list[list[float]]:
     rng = np.random.default_rng(0)
     chosen = centres[rng.permutation(len(centres))[: 2 * PROBES]]
     inside = np.ones(len(chosen), dtype=bool)
-    for mesh in {len(mesh.points): mesh for mesh in meshes}.values():
+    for mesh in meshes:
         inside &= PointLocator(mesh.points, mesh.cells).locate(chosen, "mark")[0] >= 0
     found: list[list[float]] = chosen[inside][:PROBES].tolist()
     if not found:

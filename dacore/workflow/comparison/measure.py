@@ -103,9 +103,8 @@ class Measurement:
         What is compared, by name.
     """
 
-    def __init__(self, job: Job, save: bool) -> None:
+    def __init__(self, job: Job) -> None:
         self.job = job
-        self.save = save
         self.costs: dict[str, float] = {}
         self.facts: dict[str, Any] = {}
         self.arrays: dict[str, Array] = {}
@@ -139,7 +138,7 @@ class Measurement:
         self.facts |= {"n_dofs": model.space.n_dofs, "functionals": functionals.count}
         if mesh is not None:
             self.facts |= {"nodes": len(mesh.points), "cells": len(mesh.cells)}
-        if self.save:
+        if self.job.save:
             if isinstance(model, AffineModel):
                 for term in (*model.second_order, *model.first_order, *model.zeroth_order):
                     self._keep_matrix(f"matrix {term.name}", term.matrix)
@@ -164,7 +163,7 @@ class Measurement:
         self.facts["steps"] = len(solved.times)
         contrasts = builder.contrasts(model.space, builder.parameters(model))
         self.facts["contrasts"] = [[each.label, each.field, each.constant] for each in contrasts]
-        if self.save:
+        if self.job.save:
             for field in model.space.fields:
                 self.arrays[f"trajectory {field.name}"] = solved.states[model.space.layout.block(field.name)]
                 if self.job.probes:
@@ -186,7 +185,7 @@ class Measurement:
         outcomes = []
         for outcome in validation.outcomes:
             outcomes.append(_figures(outcome))
-            if outcome.estimate is None or not self.save:
+            if outcome.estimate is None or not self.job.save:
                 continue
             name = f"{outcome.estimator}, noise {outcome.noise:g}"
             for quantity, values in outcome.quantities.items():
@@ -242,7 +241,7 @@ def read_arrays(path: Path) -> dict[str, Array | Sparse]:
 def measure(job: Job) -> dict[str, Any]:
     """Measure one variant as far as the job says, and write its arrays."""
     with one_blas_thread():
-        measurement = Measurement(job, job.save)
+        measurement = Measurement(job)
         tell(stage="assembly", event="start")
         model = measurement.matrices()
         tell(stage="assembly", event="done")

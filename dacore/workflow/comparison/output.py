@@ -1,7 +1,5 @@
 """What a comparison leaves behind: comparison.json, two figures, one report."""
 
-import os
-import platform
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -22,7 +20,7 @@ from dacore.workflow.drawn import Drawn
 from dacore.workflow.output import write_figures
 from dacore.workflow.report import write_report
 from dacore.workflow.report_parts import Picture, Provenance, Report, Section, Table
-from dacore.workflow.results import numbers, write_json
+from dacore.workflow.results import circumstances, numbers, write_json
 
 SCHEMA = 1
 
@@ -50,8 +48,7 @@ def summarise(comparison: Comparison) -> dict[str, Any]:
         "varied": {axis.key: list(axis.values) for axis in comparison.axes},
         "depth": comparison.depth,
         "reference": comparison.reference,
-        "versions": {"python": platform.python_version(), **comparison.builders[0].versions()},
-        "machine": {"system": platform.platform(), "processor": platform.machine(), "cores": os.cpu_count()},
+        **circumstances(comparison.builders[0]),
         "variants": [
             {
                 "label": variant.label,
@@ -106,7 +103,7 @@ def _items(found: Sequence[Any]) -> list[str]:
 
 def _report(comparison: Comparison, pictures: dict[str, Picture], summary: dict[str, Any], command: str) -> Report:
     failed = [f"**{variant.label}** failed: {variant.error}" for variant in comparison.variants if variant.error]
-    agreed, single = agreement_table(comparison), item_table(comparison)
+    agreed, single, errors = agreement_table(comparison), item_table(comparison), error_tables(comparison)
     sections = [
         Section("What did not finish", "\n\n".join(failed)) if failed else None,
         Section(
@@ -124,7 +121,7 @@ def _report(comparison: Comparison, pictures: dict[str, Picture], summary: dict[
         )
         if agreed
         else None,
-        Section("How well they estimate", "", error_tables(comparison)) if error_tables(comparison) else None,
+        Section("How well they estimate", "", errors) if errors else None,
         Section("Every item", "", [single]) if single else None,
     ]
     facts = {

@@ -3,7 +3,6 @@
 import contextlib
 import json
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -139,8 +138,7 @@ def compare(
     with tempfile.TemporaryDirectory(prefix="dacore-compare-") as scratch:
         kept = cache or Path(scratch) / "cache"
         make_folder(kept)
-        for builder in builders:
-            make_domain(builder, kept)
+        make_domains(builders, kept)
         results: list[list[dict[str, Any]]] = [[] for _ in chosen]
         for number in range(rounds):
             for k, variant in enumerate(chosen):
@@ -164,12 +162,10 @@ def checked(variant: Variant, path: Path) -> Builder:
     return builder
 
 
-def make_domain(builder: Builder, cache: Path) -> Mesh | None:
-    """Make a domain before anything is measured, or making it would count as the first variant's memory."""
-    if builder.scene.domain is None:
-        return None
-    mesh: Mesh = Runner(scene_pipeline(builder), cache)["domain"]
-    return mesh
+def make_domains(builders: Sequence[Builder], cache: Path) -> list[Mesh]:
+    """Make every different domain once, before anything is measured: or the first variant would pay for it."""
+    different = {str(each.scene.domain): each for each in builders if each.scene.domain is not None}
+    return [Runner(scene_pipeline(each), cache)["domain"] for each in different.values()]
 
 
 def run_job(job: Job, label: str, number: int, board: ProgressBoard) -> dict[str, Any]:
@@ -231,5 +227,4 @@ def _collect(chosen: Sequence[Variant], results: Sequence[list[dict[str, Any]]],
         del arrays
         (scratch / str(k) / "arrays.npz").unlink()
         out.append(Measured(variant.label, [result["costs"] for result in rounds], rounds[0]["facts"], held))
-    shutil.rmtree(scratch / "cache", ignore_errors=True)
     return out

@@ -1,8 +1,6 @@
 """What the catalogue leaves behind: tables, stress.json, a report, and the table of docs/stress.md."""
 
 import math
-import os
-import platform
 import re
 from pathlib import Path
 from typing import Any
@@ -11,7 +9,7 @@ from dacore.errors import StoreError
 from dacore.io.atomic import atomic_write
 from dacore.workflow.report import write_report
 from dacore.workflow.report_parts import Card, Cell, Provenance, Report, Section, Table
-from dacore.workflow.results import write_json
+from dacore.workflow.results import circumstances, write_json
 from dacore.workflow.stress.case import Judged
 from dacore.workflow.stress.run import VERDICTS, Stressed
 
@@ -74,8 +72,7 @@ def summarise(stressed: Stressed) -> dict[str, Any]:
         "scene": stressed.scene,
         "changes": list(stressed.changes),
         "sizes": stressed.sizes,
-        "versions": {"python": platform.python_version(), **stressed.builder.versions()},
-        "machine": {"system": platform.platform(), "processor": platform.machine(), "cores": os.cpu_count()},
+        **circumstances(stressed.builder),
         "verdicts": {verdict: stressed.count(verdict) for verdict in VERDICTS},
         "cases": [
             {
