@@ -41,6 +41,7 @@ class RieszMap(Riesz):
         self.weights = dict(weights)
         self.kind = kind
         self._solvers: dict[str, LinearSolver] = {}
+        self._field_grams: dict[str, Array] = {}
 
     @cached_property
     def seen(self) -> tuple[str, ...]:
@@ -53,16 +54,30 @@ class RieszMap(Riesz):
         """K = ℓ M⁻¹ ℓᵀ (m, m)."""
         out = np.zeros((self.functionals.count,) * 2)
         for name in self.seen:
-            solved: dict[bytes, Array] = {}
-            for component in range(self.space.layout.field(name).components):
-                rows, block = self._component_rows(self.functionals.matrix, name, component)
-                if rows.size == 0:
-                    continue
-                key = block.indptr.tobytes() + block.indices.tobytes() + block.data.tobytes()
-                if key not in solved:
-                    solved[key] = np.asarray(block @ self._solve(name, block.T.toarray())) / self.weights[name]
-                out[np.ix_(rows, rows)] += solved[key]
+            self._add_gram(name, out)
         return np.asarray(0.5 * (out + out.T))
+
+    def field_gram(self, field: str) -> Array:
+        """Part of K (m, m) that comes from one field: times its weight, the products of the representers' field."""
+        if self.seen == (field,):
+            return self.gram
+        if field not in self._field_grams:
+            out = np.zeros((self.functionals.count,) * 2)
+            if field in self.seen:
+                self._add_gram(field, out)
+            self._field_grams[field] = np.asarray(0.5 * (out + out.T))
+        return self._field_grams[field]
+
+    def _add_gram(self, name: str, out: Array) -> None:
+        solved: dict[bytes, Array] = {}
+        for component in range(self.space.layout.field(name).components):
+            rows, block = self._component_rows(self.functionals.matrix, name, component)
+            if rows.size == 0:
+                continue
+            key = block.indptr.tobytes() + block.indices.tobytes() + block.data.tobytes()
+            if key not in solved:
+                solved[key] = np.asarray(block @ self._solve(name, block.T.toarray())) / self.weights[name]
+            out[np.ix_(rows, rows)] += solved[key]
 
     def lift(self, weights: Array) -> Array:
         """States M⁻¹ℓᵀz (n_dofs, ...) of weights z (m, ...)."""

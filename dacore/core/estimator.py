@@ -12,7 +12,7 @@ from dacore.core.fields import Layout
 from dacore.core.noise import NoiseModel
 from dacore.core.observation import Functionals
 from dacore.core.quantity import QuantityOfInterest
-from dacore.errors import ShapeError
+from dacore.errors import CapabilityError, ShapeError
 
 
 class Riesz(ABC):
@@ -105,17 +105,8 @@ class Estimate:
         """Standard deviation (s, k) of `quantity`; ShapeError if the estimator gives none."""
         if self.uncertainty is None:
             raise ShapeError("this estimate carries no uncertainty; use an estimator that gives one")
-        functionals = quantity.functionals(self.background.space)
-        reduced = self.background.observe(functionals.matrix)
-        weights = quantity.time_weights(len(self.steps))
-        on_modes = np.einsum("ot,sr->sotr", weights, reduced).reshape(-1, len(self.steps), reduced.shape[1])
-        on_correction = None
-        if self.correction is not None and self.riesz is not None:
-            pairing = self.riesz.pair(functionals)
-            if pairing.any():
-                on_correction = np.einsum("ot,sm->sotm", weights, pairing).reshape(
-                    -1, len(self.steps), pairing.shape[1]
-                )
+        riesz = self.riesz if self.correction is not None else None
+        on_modes, on_correction = weights_of(quantity, self.background, len(self.steps), riesz)
         return np.asarray(np.sqrt(self.uncertainty.variance(on_modes, on_correction)))
 
     def interval(self, quantity: QuantityOfInterest, level: float = 0.9) -> tuple[Array, Array]:
@@ -125,6 +116,64 @@ class Estimate:
         half = float(norm.ppf(0.5 + level / 2)) * self.standard_deviation(quantity)
         centre = self.quantity(quantity)
         return centre - half, centre + half
+
+
+def weights_of(
+    quantity: QuantityOfInterest, background: Background, steps: int, riesz: Riesz | None = None
+) -> tuple[Array, Array | None]:
+    """Weights with which a quantity takes an estimate over `steps` steps.
+
+    Parameters
+    ----------
+    quantity : QuantityOfInterest
+    background : Background
+    steps : int
+    riesz : Riesz, optional
+        Of an estimate with a correction.
+
+    Returns
+    -------
+    on_modes : (s, t, r) array
+        On the coefficients.
+    on_correction : (s, t, m) array or None
+        On the correction; None where the quantity does not see it.
+    """
+    functionals = quantity.functionals(background.space)
+    reduced = background.observe(functionals.matrix)
+    weights = quantity.time_weights(steps)
+    on_modes = np.einsum("ot,sr->sotr", weights, reduced).reshape(-1, steps, reduced.shape[1])
+    pairing = riesz.pair(functionals) if riesz is not None else None
+    if pairing is None or not pairing.any():
+        return on_modes, None
+    return on_modes, np.einsum("ot,sm->sotm", weights, pairing).reshape(-1, steps, pairing.shape[1])
+
+
+@dataclass(frozen=True, eq=False)
+class Readout:
+    """A quantity straight from the data: gain · data + offset, for many series and at once.
+
+    Parameters
+    ----------
+    gain : (s, m, t) array
+        Zero where the mask leaves a functional out.
+    offset : (s,) array
+    deviation : (s,) array
+        Standard deviation at the noise that the readout was made for; the data do not change it. NaN where the
+        estimator gives none.
+    mask : (m,) bool array, optional
+        Which functionals are used; None for all.
+    """
+
+    gain: Array
+    offset: Array
+    deviation: Array
+    mask: BoolArray | None = None
+
+    def __call__(self, data: Array) -> Array:
+        """Values (s, k) of data (m, t, k); ShapeError as `PreparedEstimator.estimate`."""
+        s, m, t = self.gain.shape
+        values = check_data(data, m, t, self.mask)
+        return np.asarray(self.gain.reshape(s, m * t) @ values.reshape(m * t, -1) + self.offset[:, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,6 +225,24 @@ class PreparedEstimator(ABC):
         mask : (m,) bool array, optional
             Which functionals are valid; None for all.
         """
+
+    def readout(self, quantity: QuantityOfInterest, noise_scale: float = 1.0, mask: BoolArray | None = None) -> Readout:
+        """Return what takes data straight to a quantity, for an estimator that is affine in the data.
+
+        Parameters
+        ----------
+        quantity : QuantityOfInterest
+        noise_scale : float
+            As `estimate` takes it, one for all series that will be read.
+        mask : (m,) bool array, optional
+            As `estimate` takes it.
+
+        Raises
+        ------
+        CapabilityError
+            If the estimator has none.
+        """
+        raise CapabilityError(f"{type(self).__name__} has no readout; use estimate(data).quantity(quantity)")
 
 
 class Estimator(ABC):

@@ -10,7 +10,7 @@ per time step, or once for the whole space–time trajectory.
 """
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -22,14 +22,17 @@ from dacore.core.estimator import (
     Estimate,
     Estimator,
     PreparedEstimator,
+    Readout,
     Uncertainty,
     check_data,
     check_mask,
     check_scale,
     observed_steps,
+    weights_of,
 )
 from dacore.core.noise import NoiseModel
 from dacore.core.observation import Functionals
+from dacore.core.quantity import QuantityOfInterest
 from dacore.errors import ShapeError
 from dacore.estimators.frames import fold_masks
 from dacore.estimators.plausible import Plausibility
@@ -168,8 +171,35 @@ class PreparedMinimumVariance(PreparedEstimator):
             coefficients += np.tensordot(self.anomalies, weights[0], axes=1)
         else:
             coefficients += np.einsum("rtj,tjk->rtk", self.anomalies, np.stack(weights), optimize=True)
-        uncertainty = _Posterior(self, scale) if self.settings.deviations == "model" else _HeldOut(self, scale)
-        return Estimate(self.background, self.steps, coefficients, uncertainty=uncertainty)
+        return Estimate(self.background, self.steps, coefficients, uncertainty=self._uncertainty(scale))
+
+    def _uncertainty(self, scale: Array) -> Uncertainty:
+        return _Posterior(self, scale) if self.settings.deviations == "model" else _HeldOut(self, scale)
+
+    def readout(self, quantity: QuantityOfInterest, noise_scale: float = 1.0, mask: BoolArray | None = None) -> Readout:
+        """Take data straight to a quantity, at one noise scale."""
+        flags = check_mask(mask, self.functionals.count)
+        scale = check_scale(noise_scale, 1)
+        if flags is not None:
+            again = PreparedMinimumVariance(
+                self.settings, self.background, self.functionals, self.noise, self.steps, flags
+            )
+            return replace(again.readout(quantity, noise_scale), mask=flags)
+        on_modes, _ = weights_of(quantity, self.background, len(self.steps))
+        if self.settings.window == "cycle":
+            directions = [_along(on_modes, self.anomalies)]
+        else:
+            directions = [on_modes[:, t] @ self.anomalies[:, t] for t in range(len(self.steps))]
+        white = []
+        for direction, (u, s, vt), floor in zip(directions, self.factors, self.floors, strict=True):
+            level = float(np.hypot(scale[0], floor))
+            white.append((direction @ vt.T * (s / (s**2 + level**2))) @ u.T)
+        shape = (len(on_modes), int(self.keep.sum()), len(self.steps))
+        whole = white[0].reshape(shape) if self.settings.window == "cycle" else np.stack(white, axis=2)
+        gain = np.zeros((len(on_modes), self.functionals.count, len(self.steps)))
+        gain[:, self.keep] = _whiten_transpose(self._kept_noise, whole)
+        offset = np.einsum("str,rt->s", on_modes, self.mean) - np.einsum("smt,mt->s", gain, self.expected)
+        return Readout(gain, offset, np.sqrt(self._uncertainty(scale).variance(on_modes, None)[:, 0]))
 
 
 def unrepresented(values: Array, folds: int = 8) -> float:
@@ -276,6 +306,17 @@ class _HeldOut(Uncertainty):
             # Anomalies are scaled by (K − 1)^(−1/2): undo that, then take the mean.
             out[:, series] = (error**2).mean(axis=1) * (count - 1) + noise
         return out
+
+
+def _whiten_transpose(noise: NoiseModel, gain: Array, width: int = 256) -> Array:
+    """Gains (s, m, t) on raw values, of gains on whitened ones; the whitening's matrix a few columns at a time."""
+    m = gain.shape[1]
+    out = np.empty_like(gain)
+    for start in range(0, m, width):
+        unit = np.zeros((m, min(width, m - start)))
+        unit[start + np.arange(unit.shape[1]), np.arange(unit.shape[1])] = 1.0
+        out[:, start : start + width] = np.einsum("smt,mi->sit", gain, noise.whiten(unit), optimize=True)
+    return out
 
 
 def _along(on_modes: Array, states: Array) -> Array:

@@ -23,15 +23,18 @@ from dacore.core.estimator import (
     Estimate,
     Estimator,
     PreparedEstimator,
+    Readout,
     Uncertainty,
     check_data,
     check_mask,
     check_scale,
     observed_steps,
+    weights_of,
 )
 from dacore.core.fields import Layout
 from dacore.core.noise import NoiseModel
 from dacore.core.observation import Functionals
+from dacore.core.quantity import QuantityOfInterest
 from dacore.errors import ShapeError, UnstableError
 from dacore.estimators.frames import (
     Centring,
@@ -252,6 +255,25 @@ class PreparedPBDW(PreparedEstimator):
         return Estimate(
             self.background, self.steps, coefficients, correction, self.riesz, _PBDWError(self, scale),
         )  # fmt: skip
+
+    def readout(self, quantity: QuantityOfInterest, noise_scale: float = 1.0, mask: BoolArray | None = None) -> Readout:
+        """Take data straight to a quantity; the gain is the same at every noise scale."""
+        flags = check_mask(mask, self.functionals.count)
+        scale = check_scale(noise_scale, 1)
+        if flags is not None:
+            return replace(self.masked(flags).readout(quantity, noise_scale), mask=flags)
+        count = len(self.steps)
+        riesz = self.riesz if self.settings.correction else None
+        on_modes, on_correction = weights_of(quantity, self.background, count, riesz)
+        gain = np.empty((len(on_modes), self.functionals.count, count))
+        offset = np.einsum("str,rt->s", on_modes, self.offset)
+        expected = self.observed_modes @ self.offset
+        for t in range(count):
+            extra = None if on_correction is None else on_correction[:, t]
+            gain[:, :, t] = self.data_gain(t, on_modes[:, t], extra)
+        offset -= np.einsum("smt,mt->s", gain, expected)
+        variance = _PBDWError(self, scale).variance(on_modes, on_correction)[:, 0]
+        return Readout(gain, offset, np.sqrt(variance))
 
     def _groups(self) -> list[tuple[int, slice]]:
         if len(self.frames) == 1:

@@ -131,8 +131,9 @@ class Validation(Table):
 
 
 class Views(Table):
-    """``[report]``: where the pictures are cut [cm] and when [s], and whether the axes are those of a head."""
+    """``[report]``: whether states are shown, where they are cut [cm] and when [s], and whose axes they have."""
 
+    states: bool = True
     anatomical: bool = False
     plane: Literal["x", "y", "z"] = "x"
     position: float | None = None
@@ -169,6 +170,16 @@ class Scene(Table):
     estimator: Annotated[Mapping[Name, PluginTable], Field(min_length=1)]
     validation: Validation = Validation()
     report: Views = Views()
+
+    @model_validator(mode="after")
+    def _asked(self) -> "Scene":
+        """Refuse a scene that asks for nothing."""
+        if not self.report.states and not self.quantity:
+            raise ValueError(
+                "report.states: got false in a scene without a quantity, so that nothing is asked for; add a "
+                "[quantity.NAME] or leave report.states out"
+            )
+        return self
 
     @field_validator("parameters", mode="before")
     @classmethod

@@ -6,23 +6,27 @@ the guess of the training mean. docs/method.md: Noise, Errors and numbers of int
 """
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from dacore.core.arrays import Array
 from dacore.core.background import Background
-from dacore.core.estimator import Estimate, PreparedEstimator
+from dacore.core.estimator import BackgroundSpace, Estimate, PreparedEstimator
 from dacore.core.model import Trajectory
 from dacore.core.observation import Functionals
 from dacore.core.quantity import QuantityOfInterest
+from dacore.core.space import Product
 from dacore.errors import ShapeError
 from dacore.estimators.frames import balanced_weights
-from dacore.studies.errors import JOINT, Contrast, ErrorMeter
+from dacore.studies.errors import JOINT, Contrast, ErrorMeter, ProjectedErrors
+from dacore.studies.reference import Measured, measure, project
 
 PRIOR = "prior"
-Progress = Callable[[int, int], None]
+# Errors are measured in this inner product.
+PRODUCT: Product = "l2"
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +71,10 @@ class Outcome:
     space_time : mapping of str to (k,) array
         Ratio of space–time norms.
     quantities : mapping of str to QuantityOutcome
-    estimate : Estimate or None
     seconds : float
         Wall time of estimating all cases (without errors).
+    source : callable, optional
+        Makes the estimate of all cases when a state of it is asked for.
     """
 
     estimator: str
@@ -77,12 +82,60 @@ class Outcome:
     per_step: Mapping[str, Array]
     space_time: Mapping[str, Array]
     quantities: Mapping[str, QuantityOutcome]
-    estimate: Estimate | None
     seconds: float
+    source: Callable[[], Estimate] | None = None
+
+    @cached_property
+    def estimate(self) -> Estimate | None:
+        """The estimate of all cases; made again where the outcome was kept, None for the training mean."""
+        return self.source() if self.source is not None else None
 
     def worst_case(self, error: str) -> int:
         """Number of the case whose space–time error is largest."""
         return int(np.argmax(np.nan_to_num(self.space_time[error], nan=-1.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What was found of one estimator.
+
+    Parameters
+    ----------
+    outcomes : tuple of Outcome
+        One for each noise level.
+    inf_sup : (t,) array
+        Stability constants of each step.
+    spaces : tuple of BackgroundSpace
+    """
+
+    outcomes: tuple[Outcome, ...]
+    inf_sup: Array
+    spaces: tuple[BackgroundSpace, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class NoisyData:
+    """The measurements of the unseen cases at several noise levels.
+
+    Parameters
+    ----------
+    clean : (m, t, k) array
+    data : mapping of float to (m, t, k) array
+    sigmas : mapping of float to (k,) array
+        Standard deviation of the noise of each case.
+    """
+
+    clean: Array
+    data: Mapping[float, Array]
+    sigmas: Mapping[float, Array]
+
+    @classmethod
+    def drawn(cls, clean: Array, levels: Sequence[float], seed: int) -> "NoisyData":
+        """Add noise of every level."""
+        both = {level: noisy(clean, level, seed) for level in levels}
+        return cls(
+            clean, {level: one for level, (one, _) in both.items()}, {k: sigma for k, (_, sigma) in both.items()}
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +147,7 @@ class Validation:
     outcomes : tuple of Outcome
         The training mean first, then estimator by estimator for each noise level.
     errors : tuple of str
-        Labels of the errors.
+        Labels of the errors; none where only numbers of interest are asked for.
     clean : (m, t, k) array
         Noise-free measurements.
     data : mapping of float to (m, t, k) array
@@ -114,13 +167,18 @@ class Validation:
 
     @property
     def headline(self) -> str:
-        """The error that says most: that of the last contrast, or of the last field."""
-        return [label for label in self.errors if label != JOINT][-1]
+        """The error that says most: that of the last contrast, or of the last field; "" without errors of fields."""
+        return next((label for label in reversed(self.errors) if label != JOINT), "")
 
     def best(self, estimators: Sequence[str], noise: float) -> Outcome:
-        """Return the outcome of the least mean headline error at one noise level."""
-        outcomes = [self.outcome(name, noise) for name in estimators]
-        return min(outcomes, key=lambda each: float(np.nan_to_num(each.space_time[self.headline], nan=np.inf).mean()))
+        """Return the outcome of the least mean headline error, or of the nearest quantities, at one noise level."""
+        return min((self.outcome(name, noise) for name in estimators), key=self._badness)
+
+    def _badness(self, outcome: Outcome) -> float:
+        if self.headline:
+            return float(np.nan_to_num(outcome.space_time[self.headline], nan=np.inf).mean())
+        guess = self.outcome(PRIOR, 0.0).quantities
+        return sum(each.rms / (guess[name].rms or 1.0) for name, each in outcome.quantities.items())
 
     def outcome(self, estimator: str, noise: float) -> Outcome:
         """Return one outcome; the training mean is the same at every noise level."""
@@ -155,6 +213,135 @@ def noisy(clean: Array, level: float, seed: int) -> tuple[Array, Array]:
     return data, sigmas
 
 
+class Judge:
+    """What every estimator is judged by: the same cases, the same errors.
+
+    Parameters
+    ----------
+    measured : Measured
+    quantities : mapping of str to QuantityOfInterest
+    meter : ErrorMeter, optional
+        Of the errors of fields; None: only numbers of interest are asked for.
+    projected : ProjectedErrors, optional
+        Errors without lifting a state, where the product of `meter` is that of the background.
+    truths : callable, optional
+        () -> the true trajectories; asked for only where an estimate must be lifted to be judged.
+    """
+
+    def __init__(
+        self,
+        measured: Measured,
+        quantities: Mapping[str, QuantityOfInterest],
+        meter: ErrorMeter | None = None,
+        projected: ProjectedErrors | None = None,
+        truths: Callable[[], Iterable[Trajectory]] | None = None,
+    ) -> None:
+        self.measured, self.quantities = measured, quantities
+        self.meter, self.projected, self.truths = meter, projected, truths
+
+    def judge(self, name: str, prepared: PreparedEstimator, noisy_data: NoisyData) -> Judged:
+        """Estimate every case at every noise level, and measure the errors.
+
+        Parameters
+        ----------
+        name : str
+        prepared : PreparedEstimator
+            Prepared with noise of unit standard deviation.
+        noisy_data : NoisyData
+        """
+        jobs = []
+        for level, data in noisy_data.data.items():
+            started = time.perf_counter()
+            estimate = prepared.estimate(data, noise_scale=noisy_data.sigmas[level])
+            jobs.append((level, estimate, time.perf_counter() - started))
+        tables = self._errors([estimate for _, estimate, _ in jobs])
+        outcomes = [
+            self._outcome(name, level, estimate, seconds, table)
+            for (level, estimate, seconds), table in zip(jobs, tables, strict=True)
+        ]
+        return Judged(tuple(outcomes), prepared.inf_sup, prepared.spaces())
+
+    def prior(self, background: Background) -> Outcome:
+        """Judge the guess of the training mean, which is the same at every noise level."""
+        count = self.measured.data.shape[2]
+        mean = np.repeat(background.mean()[:, :, None], count, axis=2)
+        guess = Estimate(background, np.arange(len(background.times)), mean)
+        found = self._outcome(PRIOR, 0.0, guess, 0.0, self._errors([guess])[0])
+        return Outcome(PRIOR, 0.0, found.per_step, found.space_time, found.quantities, 0.0)
+
+    def _errors(self, estimates: Sequence[Estimate]) -> list[dict[str, tuple[Array, Array]]]:
+        """For each estimate and label, the norm of the error and what it is relative to, both (t, k)."""
+        meter, projected = self.meter, self.projected
+        if meter is None:
+            return [{} for _ in estimates]
+        tables: list[dict[str, tuple[Array, Array]]] = [{} for _ in estimates]
+        lifted = []
+        for index, estimate in enumerate(estimates):
+            if projected is None or not projected.covers(estimate):
+                lifted.append(index)
+                continue
+            below = {label: values[estimate.steps] for label, values in projected.reference.norms.items()}
+            below[JOINT] = meter.joint(below)
+            above = meter.complete(projected.norms(estimate))
+            tables[index] = {label: (above[label], below[label]) for label in meter.labels}
+        if lifted and self.truths is not None:
+            rows: list[list[dict[str, tuple[Array, Array]]]] = [[] for _ in lifted]
+            for case, truth in enumerate(self.truths()):
+                reference = meter.reference(truth.states)
+                for row, index in zip(rows, lifted, strict=True):
+                    row.append(meter.errors(truth.states - estimates[index].state(series=case), reference))
+            for row, index in zip(rows, lifted, strict=True):
+                tables[index] = {
+                    label: (
+                        np.stack([each[label][0] for each in row], axis=1),
+                        np.stack([each[label][1] for each in row], axis=1),
+                    )
+                    for label in meter.labels
+                }
+        return tables
+
+    def _outcome(
+        self, name: str, level: float, estimate: Estimate, seconds: float, table: Mapping[str, tuple[Array, Array]]
+    ) -> Outcome:
+        per_step = {label: _ratio(above, below) for label, (above, below) in table.items()}
+        space_time = {
+            label: _ratio(np.sqrt((above**2).sum(axis=0)), np.sqrt((below**2).sum(axis=0)))
+            for label, (above, below) in table.items()
+        }
+        values = {}
+        for title, quantity in self.quantities.items():
+            found = estimate.quantity(quantity)
+            deviation = np.full(found.shape, np.nan)
+            if estimate.uncertainty is not None:
+                deviation = estimate.standard_deviation(quantity)
+            values[title] = QuantityOutcome(self.measured.quantities[title], found, deviation)
+        return Outcome(name, level, per_step, space_time, values, seconds, lambda: estimate)
+
+
+def joint_weights(background: Background) -> dict[str, float]:
+    """Weights of the fields in the joint norm of errors: each field's variation counts alike."""
+    return balanced_weights(background, background.coefficients - background.mean()[:, :, None])
+
+
+def gather(
+    prior: Outcome, judged: Mapping[str, Judged], data: NoisyData, errors: Sequence[str], weights: Mapping[str, float]
+) -> Validation:
+    """Put what was found of each estimator together, noise level by noise level.
+
+    Parameters
+    ----------
+    prior : Outcome
+    judged : mapping of str to Judged
+    data : NoisyData
+    errors : sequence of str
+        Labels of the errors of fields.
+    weights : mapping of str to float
+    """
+    found = {(name, each.noise): each for name, one in judged.items() for each in one.outcomes}
+    outcomes = [prior, *(found[name, level] for level in data.data for name in judged)]
+    return Validation(tuple(outcomes), tuple(errors), data.clean, data.data, data.sigmas, weights)
+
+
 def validate(
     background: Background,
     functionals: Functionals,
@@ -164,9 +351,8 @@ def validate(
     contrasts: Sequence[Contrast],
     levels: Sequence[float],
     seed: int,
-    progress: Progress | None = None,
 ) -> Validation:
-    """Estimate every case with every estimator at every noise level.
+    """Estimate every case with every estimator at every noise level, with nothing kept from before.
 
     Parameters
     ----------
@@ -180,75 +366,18 @@ def validate(
     contrasts : sequence of Contrast
     levels : sequence of float
     seed : int
-    progress : callable, optional
     """
-    space = background.space
-    asked = {name: (quantity, quantity.functionals(space)) for name, quantity in quantities.items()}
-    measured: list[Array] = []
-    true_values: dict[str, list[Array]] = {name: [] for name in asked}
-    for truth in truths:
-        measured.append(functionals(truth.states))
-        for name, (quantity, seen) in asked.items():
-            true_values[name].append(_quantity_of(quantity, seen, truth.states))
-    clean = np.stack(measured, axis=2)
-    data, sigmas = {}, {}
-    for level in levels:
-        data[level], sigmas[level] = noisy(clean, level, seed)
-    jobs: list[tuple[str, float, Estimate, float]] = []
-    for level in levels:
-        for name, estimator in prepared.items():
-            started = time.perf_counter()
-            estimate = estimator.estimate(data[level], noise_scale=sigmas[level])
-            jobs.append((name, level, estimate, time.perf_counter() - started))
-    count = len(truths)
-    steps = np.arange(len(background.times))
-    prior = Estimate(background, steps, np.repeat(background.mean()[:, :, None], count, axis=2))
-    jobs.insert(0, (PRIOR, 0.0, prior, 0.0))
-    weights = balanced_weights(background, background.coefficients - background.mean()[:, :, None])
-    meter = ErrorMeter(space, "l2", contrasts, weights)
-    tables: list[list[dict[str, tuple[Array, Array]]]] = [[] for _ in jobs]
-    for case, truth in enumerate(truths):
-        reference = meter.reference(truth.states)
-        for job, (_, _, estimate, _) in enumerate(jobs):
-            tables[job].append(meter.errors(truth.states - estimate.state(series=case), reference))
-        if progress:
-            progress(case + 1, count)
-    truth_values = {name: np.stack(values, axis=1) for name, values in true_values.items()}
-    outcomes = [
-        _outcome(name, level, estimate, seconds, rows, quantities, truth_values)
-        for (name, level, estimate, seconds), rows in zip(jobs, tables, strict=True)
-    ]
-    return Validation(tuple(outcomes), meter.labels, clean, data, sigmas, weights)
-
-
-def _outcome(
-    name: str,
-    level: float,
-    estimate: Estimate,
-    seconds: float,
-    rows: Sequence[dict[str, tuple[Array, Array]]],
-    quantities: Mapping[str, QuantityOfInterest],
-    truth_values: Mapping[str, Array],
-) -> Outcome:
-    per_step, space_time = {}, {}
-    for label in rows[0]:
-        above = np.stack([row[label][0] for row in rows], axis=1)
-        below = np.stack([row[label][1] for row in rows], axis=1)
-        per_step[label] = _ratio(above, below)
-        space_time[label] = _ratio(np.sqrt((above**2).sum(axis=0)), np.sqrt((below**2).sum(axis=0)))
-    values = {}
-    for title, quantity in quantities.items():
-        found = estimate.quantity(quantity)
-        deviation = np.full(found.shape, np.nan)
-        if estimate.uncertainty is not None:
-            deviation = estimate.standard_deviation(quantity)
-        values[title] = QuantityOutcome(truth_values[title], found, deviation)
-    return Outcome(name, level, per_step, space_time, values, None if name == PRIOR else estimate, seconds)
-
-
-def _quantity_of(quantity: QuantityOfInterest, functionals: Functionals, states: Array) -> Array:
-    values = functionals(states)
-    return np.asarray(np.einsum("ot,st->so", quantity.time_weights(states.shape[1]), values)).reshape(-1)
+    measured = measure(background.space, functionals, truths, quantities)
+    data = NoisyData.drawn(measured.data, levels, seed)
+    weights = joint_weights(background)
+    meter = ErrorMeter(background.space, PRODUCT, contrasts, weights)
+    projected = None
+    if background.kind == PRODUCT:
+        reference = project(background, functionals, truths, contrasts)
+        projected = ProjectedErrors(background, functionals, reference)
+    judge = Judge(measured, quantities, meter, projected, lambda: truths)
+    judged = {name: judge.judge(name, each, data) for name, each in prepared.items()}
+    return gather(judge.prior(background), judged, data, meter.labels, weights)
 
 
 def _ratio(above: Array, below: Array) -> Array:

@@ -64,7 +64,7 @@ class Canvas:
         """Background spaces V_n of the estimators that have some."""
         found = {}
         for name in self.session.builder.scene.estimator:
-            spaces = tuple(space for space in self.session.prepared(name).spaces() if space.n > 0)
+            spaces = tuple(space for space in self.session.judged(name).spaces if space.n > 0)
             if spaces:
                 found[name] = spaces
         return found

@@ -4,20 +4,29 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from dacore.core.space import StateSpace
 from dacore.figures.style import png
 from dacore.io.atomic import atomic_write
 from dacore.io.fields import write_series, write_vtu
 from dacore.studies.errors import JOINT
-from dacore.studies.validation import PRIOR, Validation
+from dacore.studies.validation import PRIOR, Outcome, Validation
 from dacore.workflow.build import Builder
 from dacore.workflow.canvas import Canvas
-from dacore.workflow.drawn import Drawn, tag
+from dacore.workflow.drawn import Drawn, tag, unit_text
 from dacore.workflow.pictures import draw_all
 from dacore.workflow.report import write_report
 from dacore.workflow.report_parts import Card, Picture, Provenance, Report, Section, Table, Timing
 from dacore.workflow.results import SAME_DISCRETISATION
 from dacore.workflow.session import Session
-from dacore.workflow.tables import error_table, name_of, noise_name, percent, refinement_table
+from dacore.workflow.tables import (
+    error_table,
+    name_of,
+    noise_name,
+    number_text,
+    percent,
+    quantity_title,
+    refinement_table,
+)  # fmt: skip
 
 
 def tables(session: Session, joint: bool = True) -> list[Table]:
@@ -124,36 +133,47 @@ def make_report(session: Session, pictures: dict[str, Picture], summary: dict[st
         scene.title,
         f"dacore {summary['versions']['dacore']} · {scene.physics.kind}"
         + (f" on {scene.discretization.backend}" if scene.domain is not None else ""),
-        cards(builder, validation),
+        cards(builder, session.model.space, validation),
         [section for section in sections if section.parts],
         Provenance(facts, timings, memory),
         scene_text,
     )
 
 
-def cards(builder: Builder, validation: Validation) -> list[Card]:
+def cards(builder: Builder, space: StateSpace, validation: Validation) -> list[Card]:
     """Headline numbers: the best estimator of each noise level beside the guess."""
-    label = validation.headline
     prior = validation.outcome(PRIOR, 0.0)
     out = []
     for level in builder.scene.noise.levels:
         best = validation.best(list(builder.scene.estimator), level)
-        mean, guess = float(best.space_time[label].mean()), float(prior.space_time[label].mean())
+        if label := validation.headline:
+            what, mean, guess = f"error of {label}", _mean(best, label), _mean(prior, label)
+            value, known = percent(mean), percent(guess)
+        else:
+            name = next(iter(builder.scene.quantity))
+            what, mean, guess = quantity_title(builder, name), best.quantities[name].rms, prior.quantities[name].rms
+            what = f"error of {what}, rms"
+            unit = unit_text(builder.quantities[name].functionals(space).unit)
+            value, known = f"{number_text(mean)} {unit}", number_text(guess)
         out.append(
             Card(
-                f"error of {label}, {noise_name(level)}", percent(mean),
-                f"{name_of(builder, best.estimator)}; guessing the mean: {percent(guess)}",
+                f"{what}, {noise_name(level)}", value,
+                f"{name_of(builder, best.estimator)}; guessing the mean: {known}",
                 "good" if mean < 0.5 * guess else "bad" if mean > guess else "",
             )
         )  # fmt: skip
     return out
 
 
+def _mean(outcome: Outcome, label: str) -> float:
+    return float(outcome.space_time[label].mean())
+
+
 def publish(session: Session, out: Path, summary: dict[str, Any], scene_text: str) -> list[Path]:
     """Write figures, fields and the report; returns the files a reader opens first."""
     pictures = write_figures(draw_all(Canvas(session)), out / "figures")
     fields = []
-    if "cells" in session.model.space.capabilities:
+    if session.scene.report.states and "cells" in session.model.space.capabilities:
         fields = write_fields(session, out / "fields")
     report = out / "report.html"
     write_report(report, make_report(session, pictures, summary, scene_text))

@@ -10,14 +10,18 @@ from dacore.workflow.pictures_spaces import draw_modes, draw_spaces
 
 
 def draw_all(canvas: Canvas) -> Iterator[Drawn]:
-    """Draw all figures of a scene, one after the other; slices only where the domain has some."""
-    yield from draw_hero(canvas)
+    """Draw all figures of a scene, one after the other; slices only where the domain has some, states if asked for."""
+    scene = canvas.session.scene
+    if scene.report.states:
+        yield from draw_hero(canvas)
     yield draw_summary(canvas)
     if canvas.has_slices:
         yield from draw_measured(canvas)
-        for level in canvas.session.builder.scene.noise.levels:
-            yield from draw_worst(canvas, level)
-        yield draw_modes(canvas)
-    yield from draw_histories(canvas)
+        if scene.report.states:
+            for level in scene.noise.levels:
+                yield from draw_worst(canvas, level)
+            yield draw_modes(canvas)
+    if scene.report.states:
+        yield from draw_histories(canvas)
     yield from draw_quantities(canvas)
     yield from draw_spaces(canvas)

@@ -12,12 +12,11 @@ from numpy.typing import ArrayLike
 
 from dacore.core.arrays import Array
 from dacore.core.background import Background
-from dacore.core.estimator import PreparedEstimator
 from dacore.core.mesh import Mesh
 from dacore.core.observation import Functionals
 from dacore.io.atomic import atomic_write
 from dacore.studies.errors import JOINT
-from dacore.studies.validation import PRIOR, Outcome, Validation
+from dacore.studies.validation import PRIOR, Judged, Outcome, Validation
 from dacore.workflow.build import Builder
 from dacore.workflow.machine import peak_memory
 from dacore.workflow.session import Session
@@ -57,7 +56,7 @@ def summarise(session: Session, seconds: float) -> dict[str, Any]:
         "parameters": {
             p.name: {"low": p.low, "high": p.high, "unit": p.unit} for p in background.parameters.parameters
         },
-        "estimators": {name: _estimator(session.prepared(name)) for name in scene.estimator},
+        "estimators": {name: _estimator(session.judged(name)) for name in scene.estimator},
         "cautions": list(session.cautions),
         "joint_weights": dict(validation.joint_weights),
         "validation": [_outcome(validation, outcome) for outcome in validation.outcomes],
@@ -123,10 +122,10 @@ def _background(background: Background) -> dict[str, Any]:
     }
 
 
-def _estimator(prepared: PreparedEstimator) -> dict[str, Any]:
-    spaces = prepared.spaces()
+def _estimator(judged: Judged) -> dict[str, Any]:
+    spaces = judged.spaces
     return {
-        "inf_sup": numbers(prepared.inf_sup),
+        "inf_sup": numbers(judged.inf_sup),
         "n": [space.n for space in spaces],
         "inf_sup_of_n": [numbers(space.inf_sup) for space in spaces],
         "tails_of_n": [numbers(space.tails) for space in spaces],

@@ -15,7 +15,7 @@ from dacore.errors import SceneError
 from dacore.io.scene import Scene, read_scene
 from dacore.pipeline.runner import Runner
 from dacore.studies.refinement import Refinement
-from dacore.studies.validation import Validation
+from dacore.studies.validation import Judged, Validation
 from dacore.workflow.build import Builder
 from dacore.workflow.stages import ProgressBoard, scene_pipeline
 
@@ -99,6 +99,11 @@ class Session:
     def cautions(self) -> tuple[str, ...]:
         """What to beware of in this scene's physics, a line each."""
         made: tuple[str, ...] = self.runner["checks"]
+        return made
+
+    def judged(self, estimator: str) -> Judged:
+        """Return what was found of an estimator on the unseen cases, with its stability and its spaces."""
+        made: Judged = self.runner[f"judged.{estimator}"]
         return made
 
     def prepared(self, estimator: str) -> PreparedEstimator:

@@ -1,10 +1,9 @@
 """The stages of a scene: which settings each depends on, and how it is made."""
 
 import logging
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 
@@ -12,58 +11,43 @@ from dacore import __version__
 from dacore.algebra.compress import compress
 from dacore.core.arrays import Array
 from dacore.core.domain import Domain
+from dacore.core.estimator import Estimate, PreparedEstimator
 from dacore.core.mesh import Mesh
-from dacore.core.model import ForwardModel, Trajectory
+from dacore.core.model import ForwardModel
 from dacore.core.noise import WhiteNoise
+from dacore.core.observation import Functionals
 from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.training import Progress, draw, solve_all
 from dacore.errors import SceneError
 from dacore.io.background import read_background, write_background
+from dacore.io.functionals import read_functionals, write_functionals
 from dacore.io.mesh_cache import read_mesh_cache, write_mesh_cache
 from dacore.io.scene import PluginTable
 from dacore.io.snapshots import TrajectoryStore
 from dacore.pipeline.stage import Codec, Pipeline, Results, Stage
-from dacore.studies.errors import Contrast, ErrorMeter
+from dacore.studies.errors import Contrast, ErrorMeter, ProjectedErrors
+from dacore.studies.kept import (
+    read_judged,
+    read_measured,
+    read_reference,
+    read_refinement,
+    write_judged,
+    write_measured,
+    write_reference,
+    write_refinement,
+)  # fmt: skip
+from dacore.studies.reference import measure, project
 from dacore.studies.refinement import time_refinement
-from dacore.studies.validation import validate
+from dacore.studies.validation import PRODUCT, Judge, Judged, NoisyData, Validation, gather, joint_weights
 from dacore.workflow.build import Builder, source_hash
+from dacore.workflow.trajectories import TrajectorySet, read_note, write_note
 
 _log = logging.getLogger(__name__)
 
 # The parts of dacore whose code decides what a mesh or a trajectory is.
 NUMERICS = ("core", "algebra", "geometry", "domains", "dynamics")
-
-
-@dataclass(frozen=True)
-class TrajectorySet(Sequence[Trajectory]):
-    """Trajectories in a store, read one at a time.
-
-    Parameters
-    ----------
-    store : TrajectoryStore
-    samples : (K, n_parameters) array
-    solved : int
-        How many were solved in this run.
-    """
-
-    store: TrajectoryStore
-    samples: Array
-    solved: int
-
-    def __len__(self) -> int:
-        return len(self.samples)
-
-    @overload
-    def __getitem__(self, index: int) -> Trajectory: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[Trajectory]: ...
-    def __getitem__(self, index: int | slice) -> Trajectory | list[Trajectory]:
-        if isinstance(index, slice):
-            return [self.store.read(k)[0] for k in range(len(self))[index]]
-        return self.store.read(range(len(self))[index])[0]
-
-    def __iter__(self) -> Iterator[Trajectory]:
-        return (self[index] for index in range(len(self)))
+# The parts whose code decides how the unseen cases are measured and judged.
+JUDGING = ("core", "algebra", "studies")
 
 
 class ProgressBoard:
@@ -90,19 +74,30 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
     scene, show = builder.scene, board or ProgressBoard()
     ranges = {name: table.model_dump() for name, table in scene.parameters.items()}
 
-    def make_training(results: Results, folder: Path) -> TrajectorySet:
-        model, parameters = results["model"], results["parameters"]
-        samples = draw(parameters, scene.training.samples, scene.training.sampling, scene.training.seed)
+    def solve(results: Results, samples: Array, store: TrajectoryStore, title: str) -> int:
+        return solve_all(results["model"], results["parameters"], samples, store, workers, show.meter(title))
+
+    def trajectories(results: Results, folder: Path, samples: Array, title: str) -> TrajectorySet:
         store = TrajectoryStore(folder, folder.name)
-        solved = solve_all(model, parameters, samples, store, workers, show.meter("training"))
-        return TrajectorySet(store, samples, solved)
+        solved = solve(results, samples, store, title)
+        return TrajectorySet(store, samples, solved, lambda: solve(results, samples, store, title))
+
+    def make_training(results: Results, folder: Path) -> TrajectorySet:
+        settings = scene.training
+        samples = draw(results["parameters"], settings.samples, settings.sampling, settings.seed)
+        return trajectories(results, folder, samples, "training")
 
     def make_truth(results: Results, folder: Path) -> TrajectorySet:
-        model, parameters = results["model"], results["parameters"]
-        samples = draw(parameters, scene.validation.cases, "uniform", scene.validation.seed)
-        store = TrajectoryStore(folder, folder.name)
-        solved = solve_all(model, parameters, samples, store, workers, show.meter("unseen cases"))
-        return TrajectorySet(store, samples, solved)
+        samples = draw(results["parameters"], scene.validation.cases, "uniform", scene.validation.seed)
+        return trajectories(results, folder, samples, "unseen cases")
+
+    def noted(title: str) -> Codec:
+        """Keeps no trajectory, which the store does, but that all are there: they are not read to find out."""
+
+        def load(path: Path, results: Results) -> TrajectorySet:
+            return read_note(path, path.with_suffix(""), lambda samples, store: solve(results, samples, store, title))
+
+        return Codec(".json", write_note, load)
 
     def make_background(results: Results, _: Path) -> Any:
         training: TrajectorySet = results["training"]
@@ -111,6 +106,11 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
             results["model"].space, training, results["parameters"], training.samples, settings.tolerance,
             settings.product, workers, show.meter("background"),
         )  # fmt: skip
+
+    def load_functionals(path: Path, results: Results) -> Functionals:
+        kept = read_functionals(path)
+        # Noise is in no key of theirs, but several units with noise are refused: making them says so.
+        return kept if kept.unit != "mixed" else builder.functionals(results["model"].space)
 
     def make_prepared(name: str) -> Any:
         def prepare(results: Results, _: Path) -> Any:
@@ -138,26 +138,68 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
     def contrasts(results: Results) -> list[Contrast]:
         return builder.contrasts(results["model"].space, results["parameters"])
 
-    def make_validation(results: Results, _: Path) -> Any:
-        return validate(
-            results["background"], results["functionals"],
-            {name: results[f"prepared.{name}"] for name in scene.estimator}, results["truth"], builder.quantities,
-            contrasts(results), scene.noise.levels, scene.noise.seed, show.meter("errors"),
+    def meter(results: Results) -> ErrorMeter | None:
+        if not scene.report.states:
+            return None
+        return ErrorMeter(results["model"].space, PRODUCT, contrasts(results), joint_weights(results["background"]))
+
+    def judge(results: Results) -> Judge:
+        projected = None
+        if small:
+            projected = ProjectedErrors(results["background"], results["functionals"], results["reference"])
+        return Judge(
+            results["measured"], builder.quantities, meter(results), projected,
+            (lambda: results["truth"]) if scene.report.states else None,
         )  # fmt: skip
+
+    def make_judged(name: str) -> Callable[[Results, Path], Judged]:
+        return lambda results, _: judge(results).judge(name, results[f"prepared.{name}"], results["noisy"])
+
+    def read_judged_of(name: str) -> Callable[[Path, Results], Judged]:
+        def load(path: Path, results: Results) -> Judged:
+            def again(level: float) -> Estimate:
+                data: NoisyData = results["noisy"]
+                prepared: PreparedEstimator = results[f"prepared.{name}"]
+                return prepared.estimate(data.data[level], noise_scale=data.sigmas[level])
+
+            return read_judged(path, again)
+
+        return load
+
+    def make_validation(results: Results, _: Path) -> Validation:
+        one = judge(results)
+        background = results["background"]
+        judged = {name: results[f"judged.{name}"] for name in scene.estimator}
+        labels = one.meter.labels if one.meter is not None else ()
+        return gather(one.prior(background), judged, results["noisy"], labels, joint_weights(background))
 
     def make_refinement(results: Results, _: Path) -> Any:
         model: MarchedModel = results["model"]
         middle = {p.name: float(p.quantile(np.array(0.5))) for p in results["parameters"].parameters}
         factor = scene.validation.refine_time
-        meter = ErrorMeter(
+        errors = ErrorMeter(
             model.space, scene.training.product, contrasts(results), {f.name: 1.0 for f in model.space.fields}
         )
-        return time_refinement(model, builder.march(model.model, factor), middle, factor, meter)
+        return time_refinement(model, builder.march(model.model, factor), middle, factor, errors)
 
     def make_mesh(domain: Domain) -> Mesh:
         with builder.blame("domain"):
             return domain.mesh()
 
+    judging = source_hash("dacore", JUDGING)
+    asked = [each.model_dump() for each in scene.validation.contrasts] if scene.report.states else []
+    small = [
+        Stage(
+            "reference", ("background", "functionals", "truth"), {"source": judging, "contrasts": asked},
+            lambda results, _folder: project(
+                results["background"], results["functionals"], results["truth"], contrasts(results),
+                show.meter("projection"),
+            ),
+            Codec(".h5", write_reference, lambda path, _results: read_reference(path)), "unseen cases, projected",
+        )
+    ] if scene.report.states and scene.training.product == PRODUCT else []  # fmt: skip
+    # Errors in another product than the background's are measured on the states themselves.
+    against = ("reference",) if small else ("truth",) if scene.report.states else ()
     numerics = {"dacore": __version__, "source": source_hash("dacore", NUMERICS)}
     model_settings = {
         "time": scene.time.model_dump(),
@@ -191,15 +233,19 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
             lambda results, _folder: builder.parameters(results["model"]), purpose="ranges",
         ),
         Stage(
-            "functionals", ("model",), {name: _content(table) for name, table in scene.observation.items()},
-            lambda results, _folder: builder.functionals(results["model"].space), purpose="what is measured",
+            "functionals", ("model",),
+            # In their order, which is that of the data.
+            {"observations": [[name, _plugin(builder, "observation", t)] for name, t in scene.observation.items()]},
+            lambda results, _folder: builder.functionals(results["model"].space),
+            Codec(".h5", write_functionals, load_functionals, ("model",)), "what is measured",
         ),
         Stage(
             "checks", ("model", "parameters", "functionals"), {}, make_checks, purpose="the scene fits together",
         ),
         Stage(
             "training", ("model", "parameters"),
-            scene.training.model_dump(include={"samples", "sampling", "seed"}), make_training, purpose="trajectories",
+            scene.training.model_dump(include={"samples", "sampling", "seed"}), make_training, noted("training"),
+            "trajectories",
         ),
         Stage(
             "background", ("training",), scene.training.model_dump(include={"tolerance", "product"}), make_background,
@@ -211,31 +257,59 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
         ),
         *(
             Stage(
-                f"prepared.{name}", ("background", "functionals"), _content(table), make_prepared(name),
-                purpose=table.title or table.kind,
+                f"prepared.{name}", ("background", "functionals"), _plugin(builder, "estimator", table),
+                make_prepared(name), purpose=table.title or table.kind,
             )
             for name, table in scene.estimator.items()
         ),
         Stage(
             "truth", ("model", "parameters"), scene.validation.model_dump(include={"cases", "seed"}), make_truth,
-            purpose="unseen cases",
+            noted("unseen cases"), "unseen cases",
         ),
         Stage(
-            "validation", ("background", "functionals", "truth", *(f"prepared.{name}" for name in scene.estimator)),
-            {"noise": scene.noise.model_dump(), "contrasts": [c.model_dump() for c in scene.validation.contrasts]},
-            make_validation, purpose="errors on unseen cases",
+            "measured", ("functionals", "truth"),
+            {"source": judging, "quantities": {n: _plugin(builder, "quantity", t) for n, t in scene.quantity.items()}},
+            lambda results, _folder: measure(
+                results["model"].space, results["functionals"], results["truth"], builder.quantities
+            ),
+            Codec(".h5", write_measured, lambda path, _results: read_measured(path)), "exact data of the unseen cases",
+        ),
+        *small,
+        Stage(
+            "noisy", ("measured",), scene.noise.model_dump(),
+            lambda results, _folder: NoisyData.drawn(results["measured"].data, scene.noise.levels, scene.noise.seed),
+            purpose="data with noise",
+        ),
+        *(
+            Stage(
+                f"judged.{name}", ("noisy", f"prepared.{name}", *against),
+                {"source": judging, "contrasts": asked}, make_judged(name),
+                Codec(".h5", write_judged, read_judged_of(name)), f"errors of {table.title or table.kind}",
+            )
+            for name, table in scene.estimator.items()
         ),
         Stage(
-            "refinement", ("model", "parameters"), scene.validation.model_dump(include={"refine_time", "contrasts"}),
-            make_refinement, purpose="discretisation error in time",
+            "validation", ("background", "noisy", *against, *(f"judged.{name}" for name in scene.estimator)),
+            {"contrasts": asked}, make_validation, purpose="errors on unseen cases",
+        ),
+        Stage(
+            "refinement", ("model", "parameters"),
+            scene.validation.model_dump(include={"refine_time", "contrasts"})
+            | {"product": scene.training.product, "source": judging},
+            make_refinement, Codec(".h5", write_refinement, lambda path, _results: read_refinement(path)),
+            "discretisation error in time",
         ),
     ]  # fmt: skip
     return Pipeline(stages)
 
 
 def targets(builder: Builder) -> list[str]:
-    """The stages a run of the scene asks for."""
-    return ["checks", "validation", *(["refinement"] if builder.scene.validation.refine_time > 1 else [])]
+    """The stages that a run of the scene asks for, to find its numbers and to write its report."""
+    scene = builder.scene
+    return [
+        "checks", "validation", *(["refinement"] if scene.validation.refine_time > 1 else []),
+        *(["truth", *(f"prepared.{name}" for name in scene.estimator)] if scene.report.states else []),
+    ]  # fmt: skip
 
 
 def _plugin(builder: Builder, kind: str, table: PluginTable) -> dict[str, Any]:

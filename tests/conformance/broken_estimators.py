@@ -6,7 +6,7 @@ import numpy as np
 
 from dacore.core.estimator import BackgroundSpace, Estimator, PreparedEstimator, Riesz, Uncertainty, check_data
 from dacore.core.noise import WhiteNoise
-from dacore.errors import DacoreError, ShapeError
+from dacore.errors import CapabilityError, DacoreError, ShapeError
 from dacore.estimators.minimum_variance import MinimumVariance
 from dacore.testing.estimators import estimator_suite
 from tests.conformance.mutants import Mutant
@@ -39,6 +39,9 @@ class Prepared(PreparedEstimator):
         self.calls += 1
         return self.settings.change(self, data, noise_scale, mask)
 
+    def readout(self, quantity, noise_scale=1.0, mask=None):
+        return self.settings.readout(self, quantity, noise_scale, mask)
+
 
 @dataclass(frozen=True)
 class Sound(Estimator):
@@ -53,6 +56,9 @@ class Sound(Estimator):
 
     def change(self, prepared, data, scale, mask):
         return prepared.inner.estimate(data, scale, mask)
+
+    def readout(self, prepared, quantity, scale, mask):
+        raise CapabilityError("what is wrong elsewhere would show here, too")
 
 
 class Changed(Uncertainty):
@@ -199,6 +205,30 @@ class StateAndFunctionalsDiffer(Sound):
     def change(self, prepared, data, scale, mask):
         found = prepared.inner.estimate(data, scale, mask)
         return replace(found, correction=np.ones(data.shape), riesz=Twisted(found.background.space.n_dofs))
+
+
+def read(prepared, quantity, scale, mask, **changes):
+    ready = prepared.inner.readout(quantity, scale, mask)
+    return replace(ready, **{name: change(getattr(ready, name)) for name, change in changes.items()})
+
+
+@caught_by("readout", "is off by .* from the estimate's quantity")
+class ReadsWithoutTheOffset(Sound):
+    def readout(self, prepared, quantity, scale, mask):
+        return read(prepared, quantity, scale, mask, offset=np.zeros_like)
+
+
+@caught_by("readout", "with a mask is off")
+class ReadsWithoutTheMask(Sound):
+    def readout(self, prepared, quantity, scale, mask):
+        whole = prepared.inner.readout(quantity, scale)
+        return replace(whole, mask=mask)
+
+
+@caught_by("readout", "claims a deviation that is off")
+class ReadsTheVariance(Sound):
+    def readout(self, prepared, quantity, scale, mask):
+        return read(prepared, quantity, scale, mask, deviation=np.square)
 
 
 @caught_by("series_do_not_mix", "of series 0 differs by .* when it is alone")

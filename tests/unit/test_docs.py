@@ -277,6 +277,10 @@ def test_every_erratum_names_tests_that_exist():
             assert f"\ndef {name}(" in code, f"{row[0]}: no test {name}"
 
 
+def _of_any(stage):
+    return re.sub(r"[.].*", ".NAME", stage)
+
+
 def test_the_table_of_stages_is_that_of_the_code(tmp_path):
     from dacore.workflow.session import open_scene
 
@@ -286,11 +290,8 @@ def test_the_table_of_stages_is_that_of_the_code(tmp_path):
     pipeline = open_scene(ROOT / "examples/toy/ball.toml", cache=tmp_path).runner.pipeline
     found = {}
     for stage in pipeline.stages:
-        needs = ", ".join(
-            dict.fromkeys(f"`{re.sub(r'^prepared[.].*', 'prepared.NAME', need)}`" for need in stage.needs)
-        )
-        kept = stage.codec is not None or stage.name in ("training", "truth")
-        found[re.sub(r"^prepared\..*", "prepared.NAME", stage.name)] = (needs, kept)
+        needs = ", ".join(dict.fromkeys(f"`{_of_any(need)}`" for need in stage.needs))
+        found[_of_any(stage.name)] = (needs, stage.codec is not None)
     assert documented == found
 
 

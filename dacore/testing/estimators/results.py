@@ -7,6 +7,7 @@ import numpy as np
 from dacore.core.estimator import Estimate
 from dacore.core.noise import WhiteNoise
 from dacore.core.observation import Functionals
+from dacore.errors import CapabilityError
 from dacore.testing.backgrounds import Weighted, functionals_of
 from dacore.testing.estimators.stand import Bench, gap, parts
 from dacore.testing.suite import require
@@ -182,7 +183,29 @@ def exact_data_help(bench: Bench) -> None:
     )
 
 
+def readout(bench: Bench) -> None:
+    """A readout, where the estimator has one, gives the quantities and deviations of `estimate`, with masks too."""
+    rng = np.random.default_rng(13)
+    rows = rng.standard_normal((2, bench.space.n_dofs))
+    mask = np.arange(bench.m) % 4 != 1
+    for over in ("mean", "each"):
+        for flags in (None, mask):
+            quantity = Weighted(rows, over)
+            try:
+                ready = bench.prepared.readout(quantity, 0.5, flags)
+            except CapabilityError:
+                return
+            data = bench.data if flags is None else np.where(flags[:, None, None], bench.data, np.nan)
+            estimate = bench.prepared.estimate(data, 0.5, flags)
+            what = f"{bench.name}: a readout over time {over!r}{'' if flags is None else ' with a mask'}"
+            off = gap(ready(data), estimate.quantity(quantity))
+            require(off < _ROUNDING, f"{what} is off by {off:.1e} from the estimate's quantity")
+            if estimate.uncertainty is not None:
+                off = gap(ready.deviation, estimate.standard_deviation(quantity)[:, 0])
+                require(off < _ROUNDING, f"{what} claims a deviation that is off by {off:.1e}")
+
+
 CHECKS = (
-    shapes, stability_constants, background_spaces, functionals_of_the_state, the_same_again, series_do_not_mix,
-    affine_in_the_data, masks, units_do_not_matter, some_steps_observed, exact_data_help,
+    shapes, stability_constants, background_spaces, functionals_of_the_state, readout, the_same_again,
+    series_do_not_mix, affine_in_the_data, masks, units_do_not_matter, some_steps_observed, exact_data_help,
 )  # fmt: skip
