@@ -12,6 +12,7 @@
     ├── UnstableError           β(V_n, W) ≈ 0, or a time scheme outside its stability region
     ├── ConvergenceError        a solver did not reach its tolerance
     ├── AccuracyError           an algorithm's check of its own result failed
+    ├── WorkerError             workers could not be had, or died at their work
     └── StoreError              a file could not be read or written
 
 Every message says what was given, what was expected and what to do about it.
@@ -56,6 +57,10 @@ class ConvergenceError(DacoreError):
 
 class AccuracyError(DacoreError):
     """An algorithm's check of its own result failed."""
+
+
+class WorkerError(DacoreError):
+    """Worker processes could not be had, do not fit the run, or died at their work."""
 
 
 class StoreError(DacoreError):

@@ -7,16 +7,19 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from dacore.errors import StoreError
+from dacore.io.leftovers import mark, sweep
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder and those above it; StoreError if that is not possible or nothing can be written there."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StoreError(f"{folder}: cannot make this folder ({error.strerror}); choose another one") from error
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise StoreError(f"{folder}: cannot write into this folder; choose another one or change its rights")
+    """Make a folder and those above it, and remove what killed processes left half-written in it.
+
+    Raises
+    ------
+    StoreError
+        If the folder cannot be made or nothing can be written there.
+    """
+    _made(folder)
+    sweep(folder)
 
 
 @contextmanager
@@ -24,7 +27,8 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     """Give a temporary path beside `path` and move it there when the block ends well.
 
     For libraries that open files themselves (HDF5, meshio). The temporary name keeps the suffix of
-    `path`. If the block raises, `path` stays as it was and the temporary file is removed.
+    `path`. If the block raises, `path` stays as it was and the temporary file is removed; if the
+    process is killed, the next `make_folder` removes it.
 
     Parameters
     ----------
@@ -44,19 +48,19 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     target = Path(path)
     if target.is_dir():
         raise StoreError(f"{target}: is a folder, expected the name of a file to write")
-    make_folder(target.parent)
-    # The same folder, so that the move stays on one file system and is a single step; a random name,
-    # so that two runs that write the same file do not write into each other's.
-    temporary = target.parent / f".{target.stem}.{secrets.token_hex(4)}{target.suffix}"
+    _made(target.parent)
+    # The same folder, so that the move stays on one file system and is a single step; a name of this
+    # process and a random part, so that two runs that write the same file do not write into each other's.
+    temporary = target.parent / f".{target.stem}.{mark()}-{secrets.token_hex(4)}{target.suffix}"
     try:
         yield temporary
         if not temporary.exists():
             raise StoreError(f"{target}: nothing was written to its temporary file {temporary.name}")
-        _sync(temporary)
         try:
+            _sync(temporary)
             temporary.replace(target)
         except OSError as error:
-            raise StoreError(f"{target}: cannot be written ({error.strerror}); check the folder's rights") from error
+            raise StoreError(f"{target}: cannot be written ({error.strerror}); check space and rights") from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -99,6 +103,15 @@ class AtomicFile:
     def write(self, content: str | bytes) -> int:
         """Append text (UTF-8) or bytes; returns how many bytes were taken."""
         return self._sink(content.encode("utf-8") if isinstance(content, str) else content)
+
+
+def _made(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StoreError(f"{folder}: cannot make this folder ({error.strerror}); choose another one") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise StoreError(f"{folder}: cannot write into this folder; choose another one or change its rights")
 
 
 def _sync(path: Path) -> None:

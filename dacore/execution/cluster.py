@@ -1,0 +1,162 @@
+"""Dask clients: of processes on this machine, and of a scheduler that runs elsewhere."""
+
+import json
+import logging
+import os
+import re
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import dask
+from distributed import Client, LocalCluster
+from distributed.utils import silence_logging_cmgr
+
+from dacore.errors import WorkerError
+
+CONNECT_SECONDS = 10
+_ADDRESS = re.compile(r"[a-z]+://\S+:\d+")
+
+# Nothing is drawn, nothing is sampled, and a worker inside a long factorisation is not taken for dead.
+_QUIET: dict[str, Any] = {
+    "distributed.scheduler.worker-ttl": None,
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.system-monitor.gil.enabled": False,
+    "distributed.admin.tick.limit": "1h",
+}
+
+
+@contextmanager
+def local(workers: int) -> Iterator[Client]:
+    """Processes on this machine, each with one thread, that listen on the loopback interface alone.
+
+    They leave when the block ends, however it ends, and when this process dies.
+
+    Parameters
+    ----------
+    workers : int
+
+    Raises
+    ------
+    WorkerError
+        If they cannot be started.
+    """
+    environment = dict(os.environ)
+    with dask.config.set(_QUIET), silence_logging_cmgr(logging.CRITICAL):
+        cluster = None
+        try:
+            with _deaf_children():
+                cluster = LocalCluster(
+                    n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", memory_limit=None,
+                    dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
+                    silence_logs=logging.CRITICAL,
+                )  # fmt: skip
+            client = Client(cluster, set_as_default=False, direct_to_workers=True)
+        except (OSError, RuntimeError, TimeoutError) as error:
+            if cluster is not None:
+                _end(cluster)
+            raise WorkerError(
+                f"{workers} worker processes could not be started ({_line(error)}); use --workers 1, and in a script "
+                'put if __name__ == "__main__": around its work'
+            ) from error
+        except BaseException:
+            if cluster is not None:
+                _end(cluster)
+            raise
+        try:
+            yield client
+        finally:
+            # Ctrl-C again must not stop the ending half-way: it takes a second at most.
+            with _deaf_children():
+                client.close(timeout=1)
+                _end(cluster)
+            _restore(environment)
+
+
+@contextmanager
+def connected(scheduler: str) -> Iterator[Client]:
+    """A scheduler that somebody else started; it and its workers go on when the block ends.
+
+    Parameters
+    ----------
+    scheduler : str
+        ``tcp://host:port`` (or another protocol of dask), or the path of a scheduler file.
+
+    Raises
+    ------
+    WorkerError
+        If it cannot be read or reached.
+    """
+    address = address_of(scheduler)
+    with silence_logging_cmgr(logging.CRITICAL, "distributed.client"), silence_logging_cmgr(logging.CRITICAL):
+        try:
+            client = Client(address, set_as_default=False, timeout=CONNECT_SECONDS)
+        except (OSError, ValueError, TimeoutError, RuntimeError) as error:
+            raise WorkerError(
+                f"--scheduler {scheduler}: nobody answers at {address} ({_line(error)}); "
+                "is the scheduler running, and reachable from here?"
+            ) from error
+        try:
+            yield client
+        finally:
+            with suppress(OSError, TimeoutError):
+                client.close(timeout=2)
+
+
+def address_of(scheduler: str) -> str:
+    """Address of a scheduler given by address or by its scheduler file; WorkerError if it is neither."""
+    if _ADDRESS.fullmatch(scheduler):
+        return scheduler
+    try:
+        address = str(json.loads(Path(scheduler).read_text(encoding="utf-8"))["address"])
+    except OSError as error:
+        raise WorkerError(
+            f"--scheduler {scheduler}: neither an address nor a file ({error.strerror}); "
+            "expected tcp://host:port, or the file of dask scheduler --scheduler-file"
+        ) from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise WorkerError(
+            f"--scheduler {scheduler}: not a scheduler file; expected what dask scheduler --scheduler-file wrote"
+        ) from error
+    if not _ADDRESS.fullmatch(address):
+        raise WorkerError(f"--scheduler {scheduler}: its address is {address!r}, expected tcp://host:port")
+    return address
+
+
+def _end(cluster: Any) -> None:
+    """Kill the workers, which hold nothing that is worth waiting for, and close the rest."""
+    for nanny in list(cluster.workers.values()):
+        with suppress(AttributeError, OSError, TypeError):
+            nanny.close_gracefully()  # or it would start another
+            os.kill(nanny.pid, signal.SIGKILL)
+    with suppress(OSError, TimeoutError):
+        cluster.close(timeout=10)
+
+
+def _restore(environment: dict[str, str]) -> None:
+    """Undo what dask sets in this process for the sake of its children."""
+    for name in set(os.environ) - set(environment):
+        del os.environ[name]
+    os.environ.update(environment)
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(str(error).split())[:300] or type(error).__name__
+
+
+@contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Processes begun here ignore Ctrl-C from their first moment: it is the parent's affair."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
