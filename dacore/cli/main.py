@@ -133,11 +133,18 @@ def bench(
     sizes: Annotated[
         str | None, typer.Option("--sizes", metavar="KEY=A,B", help="a key that makes the mesh finer, finest last")
     ] = None,
+    larger: Annotated[
+        str | None, typer.Option("--growth", metavar="KEY=A,B", help="sizes whose costs alone are measured")
+    ] = None,
     vary: Annotated[
-        list[str] | None, typer.Option("--vary", metavar="KEY=A,B", help="one more key of the scene to vary")
+        list[str] | None,
+        typer.Option("--vary", metavar="KEY=A,B", help="one more key to vary; 'K=A,B; L=C,D': all combinations"),
     ] = None,
     only: Annotated[
         list[str] | None, typer.Option("--only", metavar="WHAT", help="forward, voxels, estimate, or a sweep's name")
+    ] = None,
+    reference: Annotated[
+        list[str] | None, typer.Option("--reference", metavar="KEY=VALUE", help="what the reference has instead")
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="where results go [runs/NAME-bench]")] = None,
     cache: Cache = None,
@@ -149,17 +156,23 @@ def bench(
     from dacore.io.atomic import make_folder
     from dacore.workflow.bench.output import publish, tables
     from dacore.workflow.bench.run import bench as run_bench
+    from dacore.workflow.bench.sweeps import axes_of
     from dacore.workflow.comparison.variants import axis_of
 
     folder = out if out is not None else Path("runs") / f"{scene.stem}-bench"
     with RichBoard() as board:
         found = run_bench(
-            scene, changes or [], axis_of(sizes) if sizes else None, [axis_of(text) for text in vary or []], only or [],
-            cache or folder / "cache", workers, board,
+            scene, changes or [], axis_of(sizes) if sizes else None, [axes_of(text) for text in vary or []], only or [],
+            cache or folder / "cache", workers, board, [axis_of(text) for text in reference or []],
+            axis_of(larger) if larger else None,
         )  # fmt: skip
         make_folder(folder)
         files = publish(found, folder, " ".join(["dacore", *sys.argv[1:]]))
     board.show(tables(found), files)
+    for name, error in found.failures.items():
+        typer.echo(f"error: {name}: {error}", err=True)
+    if found.failures:
+        raise typer.Exit(1)
 
 
 @app.command()

@@ -11,9 +11,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator
 
 from dacore.core.arrays import Array, IntArray
+from dacore.figures.ticks import LogLabels
 
 P = ParamSpec("P")
 
@@ -137,8 +138,8 @@ def colour(index: int) -> str:
 
 
 def marker(index: int) -> str:
-    """Marker of the series number `index`: a second cue beside colour."""
-    return MARKERS[index % len(MARKERS)]
+    """Marker of the series number `index`: a second cue beside colour, another one when colours start again."""
+    return MARKERS[(index + index // len(COLOURS)) % len(MARKERS)]
 
 
 def family(axes: Axes, x: Array | IntArray, values: Array, index: int, label: str, **options: Any) -> None:
@@ -166,14 +167,19 @@ def family(axes: Axes, x: Array | IntArray, values: Array, index: int, label: st
 
 
 def log_axis(axes: Axes, which: str = "y", plain: bool = False, ticks: int = 12) -> None:
-    """Make an axis logarithmic with few labels, as powers of ten or as plain numbers (0.1, 1, 10)."""
+    """Make an axis logarithmic with few labels, as powers of ten or as plain numbers (0.1, 1, 10).
+
+    Where it shows fewer than two powers of ten, numbers between them are labelled too.
+    """
     axis = axes.yaxis if which == "y" else axes.xaxis
     axes.set_yscale("log") if which == "y" else axes.set_xscale("log")
+    text = (lambda value: percent_text(value).removesuffix(" %")) if plain else None
     axis.set_major_locator(LogLocator(numticks=ticks))
     axis.set_minor_locator(LogLocator(subs="auto", numticks=ticks))
-    axis.set_minor_formatter(NullFormatter())
-    if plain:
-        axis.set_major_formatter(FuncFormatter(lambda value, _: percent_text(value).removesuffix(" %")))
+    axis.set_major_formatter(LogLabels(False, text))
+    axis.set_minor_formatter(LogLabels(True, text))
+    # Labels between powers count as much as theirs.
+    axis.set_tick_params(which="minor", labelsize=_LOOK[f"{which}tick.labelsize"])
     axis.grid(visible=True, which="major")
 
 

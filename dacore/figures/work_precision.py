@@ -93,11 +93,15 @@ def growth(sizes: Array, costs: Sequence[tuple[str, str, Array, float]], size: s
         Label of the size.
     caption : str
     """
-    figure, (panels,) = sheet(1, len(costs), 2.6, caption, width=WIDTH)
-    for k, (axes, (name, unit, values, exponent)) in enumerate(zip(panels, costs)):
+    columns = min(3, len(costs))
+    rows = -(-len(costs) // columns)
+    figure, grid = sheet(rows, columns, 2.4 * rows + 0.2, caption, width=WIDTH)
+    order = np.argsort(sizes)
+    for axes in grid.flat[len(costs) :]:
+        axes.set_visible(False)
+    for k, (axes, (name, unit, values, exponent)) in enumerate(zip(grid.flat, costs)):
         for which in ("x", "y"):
             log_axis(axes, which, ticks=5)
-        order = np.argsort(sizes)
         axes.plot(sizes[order], values[order], color=colour(k), marker=marker(k), linewidth=1.2)
         axes.set_title(f"{pretty(name)}  [{unit}]")
         axes.set_xlabel(size)

@@ -13,10 +13,10 @@ from dacore.workflow.bench.frontier import frontier
 from dacore.workflow.bench.run import Bench
 from dacore.workflow.bench.sweeps import Kind
 from dacore.workflow.bench.tables import (
-    GROWING,
     TITLES,
     advice_table,
     failed_table,
+    grown,
     growth_table,
     growths,
     labels_of,
@@ -30,6 +30,7 @@ from dacore.workflow.report_parts import Provenance, Report, Section, Table
 from dacore.workflow.results import circumstances, numbers, write_json
 
 SCHEMA = 1
+FACTS = ("library", "n_dofs", "nodes", "steps", "marched", "set-ups", "solver")
 
 
 def tables(bench: Bench) -> list[Table]:
@@ -53,9 +54,9 @@ def publish(bench: Bench, out: Path, command: str) -> list[Path]:
         )
         for kind in TITLES
     ]  # fmt: skip
-    grown = growth_table(bench)
-    if grown:
-        sections.append(Section("Growth", "", [grown, pictures["growth"]]))
+    growing = growth_table(bench)
+    if growing:
+        sections.append(Section("Growth", "", [growing, pictures["growth"]]))
     failed = failed_table(bench)
     if failed:
         sections.append(Section("What failed", "", [failed]))
@@ -82,6 +83,7 @@ def summarise(bench: Bench) -> dict[str, Any]:
         "reference": dict(bench.reference),
         "reference_moves_when_its_steps_are_halved": dict(bench.doubt),
         **circumstances(bench.builder),
+        "failures": dict(bench.failures),
         "growth": {
             name: {"exponent": fit.exponent, "factor": fit.factor, "scatter": fit.scatter} for name, fit in fits.items()
         },
@@ -90,7 +92,7 @@ def summarise(bench: Bench) -> dict[str, Any]:
                 "sweep": point.sweep.name, "kind": point.sweep.kind, "label": point.label, "error": point.error or None,
                 "costs": {name: numbers(value) for name, value in point.costs.items()},
                 "errors": {name: numbers(value) for name, value in point.errors.items()},
-                "facts": {k: v for k, v in point.facts.items() if k in ("library", "n_dofs", "nodes", "steps")},
+                "facts": {k: v for k, v in point.facts.items() if k in FACTS},
             }
             for point in bench.points
         ],
@@ -130,14 +132,10 @@ def _draw(bench: Bench) -> list[Drawn]:
     points, fits = growths(bench)
     if fits:
         sizes = np.array([point.facts["nodes"] for point in points], dtype=np.float64)
-        grown = [
-            (name, unit, np.array([point.costs[cost] for point in points]), fits[name].exponent)
-            for name, cost, unit in GROWING
-            if name in fits
-        ]
+        curves = [(name, unit, values, fit.exponent) for name, unit, values, fit in grown(bench)]
         out.append(
             Drawn(
-                "growth", growth(sizes, grown, "nodes", bench.title), "Cost against the number of nodes.",
+                "growth", growth(sizes, curves, "nodes", bench.title), "Cost against the number of nodes.",
                 "Logarithmic curves of cost against nodes: "
                 + ", ".join(f"{name} grows with power {fit.exponent:.2f}" for name, fit in fits.items()) + ".",
             )

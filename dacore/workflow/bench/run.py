@@ -6,60 +6,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from dacore.core.arrays import Array, Sparse
-from dacore.core.mesh import Mesh
-from dacore.errors import SceneError, ShapeError
-from dacore.geometry.locate import PointLocator
+from dacore.errors import SceneError
 from dacore.io.atomic import make_folder
 from dacore.io.scene import read_table
-from dacore.studies.errors import JOINT
-from dacore.studies.validation import PRIOR
-from dacore.workflow.bench.sweeps import Kind, Sweep, damped_time, default_sweeps, pick
+from dacore.workflow.bench.point import Point, against_exact, forward_errors, kept_arrays, point
+from dacore.workflow.bench.reference import probes, references
+from dacore.workflow.bench.sweeps import Kind, default_sweeps, pick
 from dacore.workflow.build import Builder
-from dacore.workflow.comparison.measure import Job, read_arrays
+from dacore.workflow.comparison.measure import Job
 from dacore.workflow.comparison.run import checked, make_domains, run_job
 from dacore.workflow.comparison.variants import Axis, Variant, combinations
 from dacore.workflow.machine import usable_cores
 from dacore.workflow.stages import ProgressBoard
-
-PROBES = 400
-# The reference divides the finest steps further, damps what they do not resolve, and solves to rounding.
-REFERENCE_SUBSTEPS = 32
-REFERENCE_GRADED = 8
-
-
-@dataclass(frozen=True, eq=False)
-class Point:
-    """One measured setting.
-
-    Parameters
-    ----------
-    sweep : Sweep
-    label : str
-        What it is, without the sweep's name.
-    costs : mapping of str to float
-        CPU seconds ("work" is what the diagram shows), MiB ("memory").
-    errors : mapping of str to float
-        Relative errors, by field, contrast or quantity.
-    facts : mapping
-        Sizes and library.
-    error : str
-        Why it failed; empty if it did not.
-    """
-
-    sweep: Sweep
-    label: str
-    costs: Mapping[str, float]
-    errors: Mapping[str, float]
-    facts: Mapping[str, Any]
-    error: str = ""
-
-    @property
-    def name(self) -> str:
-        """Sweep and label."""
-        return f"{self.sweep.name}: {self.label}" if self.label else self.sweep.name
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +34,8 @@ class Bench:
     doubt : mapping of str to float
         How far the reference moves when its steps are halved again: errors near it are not to be trusted.
     points : sequence of Point
+    faults : mapping of str to str
+        What else failed, and why: the reference, or its half.
     """
 
     title: str
@@ -83,23 +43,34 @@ class Bench:
     reference: Mapping[str, Any]
     doubt: Mapping[str, float]
     points: Sequence[Point]
+    faults: Mapping[str, str]
 
     def of(self, kind: Kind) -> list[Point]:
         """The points of one kind that did not fail."""
-        return [point for point in self.points if point.sweep.kind == kind and not point.error]
+        return [each for each in self.points if each.sweep.kind == kind and not each.error]
+
+    @property
+    def failures(self) -> dict[str, str]:
+        """What failed, and why."""
+        return {**self.faults, **{each.name: each.error for each in self.points if each.error}}
 
 
 def bench(
     path: Path,
     changes: Sequence[str] = (),
     sizes: Axis | None = None,
-    extra: Sequence[Axis] = (),
+    extra: Sequence[Sequence[Axis]] = (),
     only: Sequence[str] = (),
     cache: Path | None = None,
     workers: int | None = None,
     board: ProgressBoard | None = None,
+    reference: Sequence[Axis] = (),
+    larger: Axis | None = None,
 ) -> Bench:
     """Measure error and cost over a scene's settings.
+
+    A point that fails is one of the result's failures, and so is the reference: without it, trajectories have
+    costs and no errors.
 
     Parameters
     ----------
@@ -109,8 +80,8 @@ def bench(
         ``"key=value"`` changes to it.
     sizes : Axis, optional
         Key and values that make the mesh finer, the finest last: it is the reference's.
-    extra : sequence of Axis
-        Other keys to vary; a sweep each.
+    extra : sequence of sequences of Axis
+        Other keys to vary; each is a sweep over every combination of its axes' values.
     only : sequence of str
         Kinds or starts of names of sweeps to run; all by default.
     cache : Path, optional
@@ -118,143 +89,82 @@ def bench(
     workers : int, optional
         Processes for training.
     board : ProgressBoard, optional
+    reference : sequence of Axis
+        Keys of one value each that the reference has in place of its own.
+    larger : Axis, optional
+        Key and values whose costs alone are measured, without errors.
 
     Raises
     ------
     SceneError
         If a sweep is unknown or a point is not a valid scene.
     """
-    board = board or ProgressBoard()
     table = read_table(path, changes)
     builder = checked(Variant("as it stands", table), path)
-    sweeps = default_sweeps(builder, sizes, extra)
+    sweeps = default_sweeps(builder, sizes, extra, larger)
     if only:
         sweeps = pick(sweeps, only)
     if not sweeps:
         raise SceneError(f"{path}: nothing to vary; name a key: --vary KEY=A,B")
     points = [(sweep, variant) for sweep in sweeps for variant in combinations(table, sweep.axes)]
-    builders = [checked(variant, path) for _, variant in points]
-    reference, differs = _reference(table, sizes, REFERENCE_SUBSTEPS)
-    coarser, _ = _reference(table, sizes, REFERENCE_SUBSTEPS // 2)
+    builders = [(sweep.kind, checked(variant, path)) for sweep, variant in points]
+    compared = [each for kind, each in builders if kind == "forward"]
+    others = [each for kind, each in builders if kind != "forward"]
     forward = any(sweep.kind == "forward" for sweep in sweeps)
+    finest, coarser, differs = references(table, sizes, reference)
+    if forward:
+        compared.append(checked(finest, path))
     with tempfile.TemporaryDirectory(prefix="dacore-bench-") as scratch:
         kept = cache or Path(scratch) / "cache"
         make_folder(kept)
-        meshes = make_domains([*builders, checked(reference, path)], kept)
-        probes = _probes(meshes) if forward else ()
+        meshes = make_domains(compared, kept)
+        make_domains(others, kept)
+        process = _Process(path, kept, Path(scratch), workers or usable_cores(), board or ProgressBoard())
+        process.probes = probes(meshes) if forward else []
+        faults: dict[str, str] = {}
+        truth: Mapping[str, Any] = {}
+        doubt: dict[str, float] = {}
+        if forward:
+            truth, why = _without_error(process.measured(finest, "forward"))
+            faults |= {"the reference": why} if why else {}
+        if truth and coarser is not None:
+            half, why = _without_error(process.measured(coarser, "forward"))
+            faults |= {"the reference with half its steps": why} if why else {}
+            if half:
+                doubt = forward_errors(half["arrays"], truth["arrays"], truth["facts"]["contrasts"])
+        done = [point(sweep, variant.label, process.measured(variant, sweep.kind), truth) for sweep, variant in points]
+    return Bench(builder.scene.title, builder, differs if forward else {}, doubt, against_exact(done), faults)
 
-        def measured(variant: Variant, kind: Kind, number: str) -> dict[str, Any]:
-            folder = Path(scratch) / number
+
+def _without_error(found: Mapping[str, Any]) -> tuple[Mapping[str, Any], str]:
+    return ({}, found["error"]) if "error" in found else (found, "")
+
+
+class _Process:
+    """Measures one variant after the other, each in a process of its own."""
+
+    def __init__(self, path: Path, cache: Path, scratch: Path, workers: int, board: ProgressBoard) -> None:
+        self._path, self._cache, self._scratch = path, cache, scratch
+        self._workers, self._board = workers, board
+        self._number = 0
+        self.probes: list[list[float]] = []
+
+    def measured(self, variant: Variant, kind: Kind) -> dict[str, Any]:
+        """Costs, facts and arrays of a variant; the error if it failed in whatever way."""
+        folder = self._scratch / str(self._number)
+        self._number += 1
+        try:
             folder.mkdir()
             job = Job(
-                variant.table, f"{path} ({variant.label})", str(path.parent), str(kept), str(folder),
-                "estimate" if kind == "estimate" else "trajectory", workers or usable_cores(), True,
-                probes if kind == "forward" else (),
+                variant.table, f"{self._path} ({variant.label})", str(self._path.parent), str(self._cache), str(folder),
+                "estimate" if kind == "estimate" else "trajectory", self._workers, True,
+                self.probes if kind == "forward" else (), kind != "estimate",
             )  # fmt: skip
-            found = run_job(job, variant.label or "as it stands", 0, board)
+            found = run_job(job, variant.label or "as it stands", 0, self._board)
             if "error" not in found:
-                arrays = read_arrays(folder / "arrays.npz")
-                wanted = ("probe", "trajectory measured")
-                found["arrays"] = {name: array for name, array in arrays.items() if name.startswith(wanted)}
+                found["arrays"] = kept_arrays(folder / "arrays.npz")
                 (folder / "arrays.npz").unlink()
-            return found
-
-        truth: dict[str, Any] = measured(reference, "forward", "reference") if forward else {}
-        half: dict[str, Any] = measured(coarser, "forward", "coarser") if forward else {}
-        for each in (truth, half):
-            if "error" in each:
-                raise SceneError(f"{path}: the reference failed: {each['error']}")
-        doubt = _forward_errors(half["arrays"], truth["arrays"], truth["facts"]["contrasts"]) if forward else {}
-        done = [
-            _point(sweep, variant, measured(variant, sweep.kind, str(k)), truth)
-            for k, (sweep, variant) in enumerate(points)
-        ]
-    return Bench(builder.scene.title, builder, differs if forward else {}, doubt, _against_exact(done))
-
-
-def _reference(table: Mapping[str, Any], sizes: Axis | None, substeps: int) -> tuple[Variant, dict[str, Any]]:
-    """The finest that the benchmark computes: finest mesh, short damped steps, tight solves."""
-    differs: dict[str, Any] = {
-        "time": damped_time(dict(table.get("time", {})), substeps, REFERENCE_GRADED),
-        "solver.tolerance": 1e-12,
-    }
-    if sizes is not None:
-        differs[sizes.key] = sizes.values[-1]
-    made = combinations(table, [Axis(key, (value,)) for key, value in differs.items()])[0]
-    return Variant(f"reference, {substeps} substeps", made.table), differs
-
-
-def _probes(meshes: Sequence[Mesh]) -> list[list[float]]:
-    """Points inside every mesh, spread over the first one's cells."""
-    coarse = min(meshes, key=lambda mesh: len(mesh.points))
-    centres = coarse.points[coarse.cells].mean(axis=1)
-    rng = np.random.default_rng(0)
-    chosen = centres[rng.permutation(len(centres))[: 2 * PROBES]]
-    inside = np.ones(len(chosen), dtype=bool)
-    for mesh in meshes:
-        inside &= PointLocator(mesh.points, mesh.cells).locate(chosen, "mark")[0] >= 0
-    found: list[list[float]] = chosen[inside][:PROBES].tolist()
-    if not found:
-        raise ShapeError("bench: no point lies inside all meshes; the sizes must be of one domain")
-    return found
-
-
-def _point(sweep: Sweep, variant: Variant, found: dict[str, Any], truth: dict[str, Any]) -> Point:
-    if "error" in found:
-        return Point(sweep, variant.label, {}, {}, {}, found["error"])
-    costs, facts = dict(found["costs"]), dict(found["facts"])
-    if sweep.kind == "forward":
-        costs["work"] = costs["assembly"] + costs["analysis"] + costs["trajectory"]
-        costs["memory"] = costs["memory solving"]
-        errors = _forward_errors(found["arrays"], truth["arrays"], facts["contrasts"])
-    elif sweep.kind == "voxels":
-        costs["work"], costs["memory"] = costs["functionals"], costs["memory solving"]
-        errors = {}
-        facts["measured"] = found["arrays"]["trajectory measured"]
-    else:
-        costs["work"] = costs["preparing"] + costs["estimating"]
-        costs["memory"] = costs["memory estimating"]
-        errors = _estimate_errors(facts)
-    return Point(sweep, variant.label, costs, errors, facts)
-
-
-def _forward_errors(
-    arrays: Mapping[str, Array | Sparse], truth: Mapping[str, Array | Sparse], contrasts: Sequence[Sequence[Any]]
-) -> dict[str, float]:
-    """Relative space–time differences at the probes, of every field and contrast."""
-    out = {}
-    wanted = [(name.partition(" ")[2], name, 0.0) for name in truth if name.startswith("probe ")]
-    wanted += [(label, f"probe {field}", constant) for label, field, constant in contrasts]
-    for label, name, constant in wanted:
-        below = np.linalg.norm(truth[name] - constant)
-        out[label] = float(np.linalg.norm(arrays[name] - truth[name]) / below) if below else float("nan")
-    return out
-
-
-def _estimate_errors(facts: Mapping[str, Any]) -> dict[str, float]:
-    out: dict[str, float] = {}
-    for outcome in facts["outcomes"]:
-        if outcome["estimator"] != PRIOR:
-            level = f", noise {outcome['noise']:g}"
-            errors = {label: value["mean"] for label, value in outcome["errors"].items() if label != JOINT}
-            out |= {f"{label}{level}": value for label, value in errors.items()}
-    return out
-
-
-def _against_exact(points: Sequence[Point]) -> list[Point]:
-    """Errors of quadratures: measured values of a trajectory against those of the sweep's last point, the exact one."""
-    exact: dict[str, Array] = {}
-    for point in points:
-        if point.sweep.kind == "voxels" and not point.error:
-            exact[point.sweep.name] = point.facts["measured"]
-    out = []
-    for point in points:
-        if point.sweep.kind == "voxels" and not point.error:
-            facts = {key: value for key, value in point.facts.items() if key != "measured"}
-            mine, truth = point.facts["measured"], exact[point.sweep.name]
-            same = mine.shape == truth.shape
-            gap = float(np.linalg.norm(mine - truth) / np.linalg.norm(truth)) if same else float("nan")
-            out.append(Point(point.sweep, point.label, point.costs, {"measured values": gap}, facts))
-        else:
-            out.append(point)
-    return out
+        except (OSError, ValueError) as error:
+            # No space left, or a file cut short: the other points go on.
+            return {"error": f"its results cannot be read: {' '.join(str(error).split())}"}
+        return found

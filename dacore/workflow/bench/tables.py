@@ -6,8 +6,9 @@ import numpy as np
 
 from dacore.core.arrays import Array
 from dacore.workflow.bench.frontier import Growth, cheapest, frontier, growth
-from dacore.workflow.bench.run import Bench, Point
-from dacore.workflow.bench.sweeps import Kind
+from dacore.workflow.bench.point import Point
+from dacore.workflow.bench.run import Bench
+from dacore.workflow.bench.sweeps import GROWTH, Kind
 from dacore.workflow.report_parts import Cell, Table
 from dacore.workflow.tables import number_text, percent
 
@@ -16,9 +17,24 @@ TITLES: dict[Kind, str] = {
     "forward": "the forward model, errors against the reference",
     "voxels": "the functionals, errors of the measured values against exact integrals",
     "estimate": "the estimates, errors on unseen cases",
+    "costs": "costs alone",
 }
-GROWING = (("assembly", "assembly", "CPU s"), ("analysis", "analysis", "CPU s"), ("trajectory", "trajectory", "CPU s"),
-           ("memory", "memory", "MiB"))  # fmt: skip
+# Title, cost, unit.
+GROWING = (
+    ("assembly", "assembly", "CPU s"),
+    ("ordering", "analysis", "CPU s"),
+    ("set-up", "set-up", "CPU s"),
+    ("a step", "step", "CPU s"),
+    ("trajectory", "trajectory", "CPU s"),
+    ("memory", "memory beyond the start", "MiB"),
+)
+_FRONTIER_NOTE = "Green: no other point is both cheaper and more accurate in this error. –: nothing to compare it with."
+_GROWTH_NOTE = (
+    "Assembly: all matrices and loads. Ordering: pattern and order of elimination, once for all samples. Set-up: of "
+    "the solver, once a sample and length of step. Trajectory: set-up and all steps. Memory: peak while solving, "
+    "beyond the process at its start. Off by: largest ratio to the fitted power. 10⁶ nodes: that power continued, no "
+    "measurement."
+)
 
 
 def labels_of(points: Sequence[Point]) -> list[str]:
@@ -36,7 +52,7 @@ def point_table(bench: Bench, kind: Kind) -> Table | None:
     """Every point of one kind; on the frontier of an error the error is marked."""
     points = bench.of(kind)
     labels = labels_of(points)
-    if not labels:
+    if not points:
         return None
     marks = [frontier(*values(points, "work", label)) for label in labels]
     rows: list[list[str | Cell]] = []
@@ -48,7 +64,7 @@ def point_table(bench: Bench, kind: Kind) -> Table | None:
             for j, label in enumerate(labels)
         ]
         rows.append([point.name, number_text(point.costs["work"]), f"{point.costs['memory']:,.0f}", *errors])
-    if kind == "forward":
+    if kind == "forward" and bench.doubt:
         doubts = [percent(bench.doubt[label]) if label in bench.doubt else "–" for label in labels]
         rows.append(
             [Cell("the reference itself, by halving its steps", "muted"), "", "", *(Cell(d, "muted") for d in doubts)]
@@ -57,7 +73,7 @@ def point_table(bench: Bench, kind: Kind) -> Table | None:
         ["setting", "work [s]", "memory [MiB]", *(f"e of {label}" for label in labels)],
         rows,
         TITLES[kind],
-        "Green: no other point is both cheaper and more accurate in this error. –: other functionals, not comparable.",
+        _FRONTIER_NOTE if labels else "",
     )
 
 
@@ -71,9 +87,11 @@ def advice_table(bench: Bench, kind: Kind) -> Table | None:
     for label in labels:
         costs, errors = values(points, "work", label)
         known = errors[np.isfinite(errors)]
+        if not known.size:
+            continue
         for wanted in WANTED:
             # An error that everything has is no wish, and one that nothing reaches is said once.
-            if known.size and wanted > known.max():
+            if wanted > known.max():
                 continue
             chosen = cheapest(costs, errors, wanted)
             if chosen is None:
@@ -86,6 +104,8 @@ def advice_table(bench: Bench, kind: Kind) -> Table | None:
                     number_text(costs[chosen]), f"{point.costs['memory']:,.0f}",
                 ]
             )  # fmt: skip
+    if not rows:
+        return None
     return Table(
         ["wanted", "take", "it has", "work [s]", "memory [MiB]"],
         rows,
@@ -94,11 +114,23 @@ def advice_table(bench: Bench, kind: Kind) -> Table | None:
 
 
 def growths(bench: Bench) -> tuple[list[Point], dict[str, Growth]]:
-    """The points of the mesh sweep and the fitted growth of each of their costs with the number of nodes."""
-    points = [point for point in bench.of("forward") if point.sweep.name == "mesh"]
+    """Points of the sweep over sizes, and the fitted growth of each of their costs with the number of nodes."""
+    own = [point for point in bench.of("costs") if point.sweep.name == GROWTH]
+    points = own or [point for point in bench.of("forward") if point.sweep.name == "mesh"]
+    points = [point for point in points if "nodes" in point.facts]
     sizes = [point.facts["nodes"] for point in points]
-    found = {name: growth(sizes, [point.costs[cost] for point in points]) for name, cost, _ in GROWING}
+    found = {name: growth(sizes, _costs(points, cost)) for name, cost, _ in GROWING}
     return points, {name: fit for name, fit in found.items() if fit is not None}
+
+
+def grown(bench: Bench) -> list[tuple[str, str, Array, Growth]]:
+    """Title, unit, values (k,) and fit of every cost that grows with the size."""
+    points, fits = growths(bench)
+    return [(name, unit, _costs(points, cost), fits[name]) for name, cost, unit in GROWING if name in fits]
+
+
+def _costs(points: Sequence[Point], cost: str) -> Array:
+    return np.array([point.costs.get(cost, np.nan) for point in points], dtype=np.float64)
 
 
 def growth_table(bench: Bench) -> Table | None:
@@ -108,22 +140,19 @@ def growth_table(bench: Bench) -> Table | None:
         return None
     rows = [
         [
-            f"{name} [{unit}]", *(number_text(point.costs[cost]) for point in points), f"{fits[name].exponent:.2f}",
-            number_text(fits[name].at(1e6)),
+            f"{name} [{unit}]", *map(number_text, values), f"{fit.exponent:.2f}", f"{fit.scatter:.2f}",
+            number_text(fit.at(1e6)),
         ]
-        for name, cost, unit in GROWING
-        if name in fits
+        for name, unit, values, fit in grown(bench)
     ]  # fmt: skip
+    if any("solver" in point.facts for point in points):
+        rows.append(["solver", *(str(point.facts.get("solver", "–")) for point in points), "", "", ""])
     sizes = [f"{point.facts['nodes']:,} nodes" for point in points]
-    return Table(
-        ["cost", *sizes, "exponent", "10⁶ nodes?"],
-        rows,
-        "growth with the mesh",
-        "The last column continues the fitted power; it is no measurement. Memory is that of the whole process.",
-    )
+    headers = ["cost", *sizes, "exponent", "off by", "10⁶ nodes?"]
+    return Table(headers, rows, "growth with the mesh", _GROWTH_NOTE)
 
 
 def failed_table(bench: Bench) -> Table | None:
-    """Points that failed, and why."""
-    rows = [[point.name, point.error] for point in bench.points if point.error]
+    """What failed, and why."""
+    rows = [[name, error] for name, error in bench.failures.items()]
     return Table(["setting", "error"], rows, "what failed") if rows else None

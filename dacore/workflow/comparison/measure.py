@@ -28,6 +28,7 @@ from dacore.io.scene import validate
 from dacore.pipeline.runner import Runner
 from dacore.studies.validation import Outcome
 from dacore.workflow.build import Builder
+from dacore.workflow.comparison.clock import Clocked
 from dacore.workflow.machine import memory_now, peak_memory
 from dacore.workflow.session import Session
 from dacore.workflow.stages import ProgressBoard, scene_pipeline
@@ -61,6 +62,8 @@ class Job:
         Whether to write the arrays.
     probes : sequence of d floats [cm]
         Points at which the trajectory's fields are kept too, under "probe …"; they compare across meshes.
+    lean : bool
+        Whether to keep of matrices and trajectories only what is measured and the values at the probes.
     """
 
     table: Mapping[str, Any]
@@ -72,6 +75,7 @@ class Job:
     workers: int
     save: bool
     probes: Sequence[Sequence[float]] = ()
+    lean: bool = False
 
 
 class LineBoard(ProgressBoard):
@@ -138,7 +142,7 @@ class Measurement:
         self.facts |= {"n_dofs": model.space.n_dofs, "functionals": functionals.count}
         if mesh is not None:
             self.facts |= {"nodes": len(mesh.points), "cells": len(mesh.cells)}
-        if self.job.save:
+        if self.job.save and not self.job.lean:
             if isinstance(model, AffineModel):
                 for term in (*model.second_order, *model.first_order, *model.zeroth_order):
                     self._keep_matrix(f"matrix {term.name}", term.matrix)
@@ -152,20 +156,32 @@ class Measurement:
     def trajectory(self, built: AffineModel | ForwardModel) -> None:
         """Solve once with parameters in the middle of their ranges."""
         builder = self.session.builder
+        clock: Clocked | None = None
         with self._timed("analysis"):
             model = builder.complete(built)
             if isinstance(model, MarchedModel):
+                model.method = clock = Clocked(model.method)
                 _ = model.analysis
         parameters = {p.name: float(p.quantile(np.array(0.5))) for p in builder.parameters(model).parameters}
         with self._timed("trajectory"):
             solved = model.solve(parameters)
         self.costs["memory solving"] = peak_memory()
         self.facts["steps"] = len(solved.times)
+        if isinstance(model, MarchedModel) and clock is not None and clock.seconds:
+            marched = len(model.grid.lengths)
+            self.costs["set-up"] = float(np.mean(clock.seconds))
+            self.costs["step"] = (self.costs["trajectory"] - sum(clock.seconds)) / marched
+            self.facts |= {
+                "marched": marched,
+                "set-ups": len(clock.seconds),
+                "solver": clock.solvers[-1].partition(" (")[0],
+            }
         contrasts = builder.contrasts(model.space, builder.parameters(model))
         self.facts["contrasts"] = [[each.label, each.field, each.constant] for each in contrasts]
         if self.job.save:
             for field in model.space.fields:
-                self.arrays[f"trajectory {field.name}"] = solved.states[model.space.layout.block(field.name)]
+                if not self.job.lean:
+                    self.arrays[f"trajectory {field.name}"] = solved.states[model.space.layout.block(field.name)]
                 if self.job.probes:
                     at = model.space.evaluation(np.array(self.job.probes), field.name)
                     self.arrays[f"probe {field.name}"] = np.asarray(at @ solved.states)
