@@ -1,60 +1,52 @@
 """POD of more snapshots than should be held at once: incremental hierarchical POD.
 
-The modes found so far, scaled by their singular values, stand in for the snapshots they came from;
-each new block is decomposed together with them. Source: Himpe, Leibner & Rave, Hierarchical
-approximate proper orthogonal decomposition, SIAM J. Sci. Comput. 40 (2018) A3267.
+Source: Himpe, Leibner & Rave, Hierarchical approximate proper orthogonal decomposition, SIAM J. Sci. Comput. 40
+(2018) A3267; what differs is told in `dacore.algebra.stream`.
 """
 
 from collections.abc import Iterable
 
-import numpy as np
-
-from dacore.algebra.pod import modes_of, pod
+from dacore.algebra.stream import WIDTH, Stream
 from dacore.core.arrays import Array, Sparse
 from dacore.core.reduced import ReducedSpace
-from dacore.errors import ShapeError
-
-WIDTH = 480
 
 
-def hapod(blocks: Iterable[Array], product: Sparse, tolerance: float, steps: int, width: int = WIDTH) -> ReducedSpace:
-    """Return modes of a stream of snapshots; at most `width` columns and the modes are held.
-
-    Each of N decompositions on the way may leave tolerance/(2N) of all it stands for, the last one half of the
-    tolerance: by the triangle inequality the whole leaves no more than the tolerance.
+def hapod(
+    blocks: Iterable[Array],
+    product: Sparse,
+    tolerance: float,
+    steps: int,
+    width: int = WIDTH,
+    memory: float | None = None,
+) -> ReducedSpace:
+    """Return modes of a stream of snapshots, each read once.
 
     Parameters
     ----------
     blocks : iterable of (n_dofs, k) arrays
     product : (n_dofs, n_dofs) csr_array
     tolerance : float
-        Relative error in the mean-square sense.
+        Relative error in the mean-square sense; kept whatever the order and the number of blocks.
     steps : int
-        Number of snapshots in all, by which the tolerance is divided among the decompositions.
+        Number of snapshots in all; a wrong number costs modes on the way, no accuracy.
     width : int
-        Columns gathered before a decomposition.
+        Snapshots looked at together; of no influence on the error.
+    memory : float, optional [GiB]
+        Bound on what is held beside the block that has just come; the basis returned is part of it.
 
     Returns
     -------
     ReducedSpace
+
+    Raises
+    ------
+    ShapeError
+        If there is no snapshot, one is not finite, all are zero, or the memory has no room for 16 of them.
+    AccuracyError
+        If the tolerance is below what round-off allows, or needs more modes than fit in the memory.
     """
-    count = max(-(-steps // width), 1)
-    local = tolerance / (2.0 * count)
-    scaled: Array | None = None
-    waiting: list[Array] = []
+    stream = Stream(product, tolerance, steps, width, memory)
     for block in blocks:
-        waiting.append(block)
-        if sum(each.shape[1] for each in waiting) >= width:
-            scaled, waiting = _scaled(scaled, waiting, product, local), []
-    if scaled is None and not waiting:
-        raise ShapeError("snapshots: got none, expected at least one")
-    return pod(_gather(scaled, waiting), product, tolerance if scaled is None else tolerance / 2.0)
-
-
-def _gather(scaled: Array | None, waiting: list[Array]) -> Array:
-    return np.concatenate(waiting if scaled is None else [scaled, *waiting], axis=1)
-
-
-def _scaled(scaled: Array | None, waiting: list[Array], product: Sparse, tolerance: float) -> Array:
-    basis, values = modes_of(_gather(scaled, waiting), product, tolerance)
-    return np.asarray(basis * values)
+        stream.add(block)
+    found = stream.finish().check(tolerance)
+    return ReducedSpace(found.basis, found.values, product)
