@@ -29,6 +29,10 @@ SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="a scene in TOM
 Changes = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change a key of the scene")]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="where results go [runs/NAME]")]
 Workers = Annotated[int | None, typer.Option("--workers", metavar="N", min=1, help="processes for solving [all cores]")]
+Scheduler = Annotated[
+    str | None,
+    typer.Option("--scheduler", metavar="ADDRESS", help="tcp://host:port or scheduler file of a dask cluster to use"),
+]
 Cache = Annotated[Path | None, typer.Option("--cache", metavar="DIR", help="where stages are kept [OUT/cache]")]
 
 
@@ -56,13 +60,14 @@ def run(
     cache: Cache = None,
     changes: Changes = None,
     workers: Workers = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Run a scene: results.json, figures, fields for ParaView and report.html."""
     from dacore.cli.progress import RichBoard
     from dacore.workflow.run import run_scene
 
     with RichBoard() as board:
-        finished = run_scene(scene, changes or [], _out(scene, out), cache, workers, board)
+        finished = run_scene(scene, changes or [], _out(scene, out), cache, workers, board, scheduler)
     board.show(finished.tables, finished.files)
 
 

@@ -17,7 +17,7 @@ from distributed.utils import silence_logging_cmgr
 
 from dacore.errors import WorkerError
 
-CONNECT_SECONDS = 10
+CONNECT_SECONDS = 5
 _ADDRESS = re.compile(r"[a-z]+://\S+:\d+")
 
 # Nothing is drawn, nothing is sampled, and a worker inside a long factorisation is not taken for dead.

@@ -3,6 +3,7 @@
 import secrets
 import time
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError
 from typing import Any
 
 import cloudpickle
@@ -98,6 +99,8 @@ def _complete(crew: "_Crew", futures: list[Future]) -> list[Future]:
                 return list(wait(futures, timeout=_LOOK, return_when="FIRST_COMPLETED").done)
         except TimeoutError:
             crew.count()
+        except CancelledError as error:
+            raise WorkerError(f"the scheduler at {crew.address} is gone; what is done is kept, run again") from error
 
 
 def _outcome(future: Future, name: str, crew: "_Crew") -> tuple[Any] | Exception:

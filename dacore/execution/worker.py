@@ -120,6 +120,7 @@ def _unreadable(error: Exception) -> str:
 def _portable(error: Exception) -> Exception:
     """The error itself if it can travel, or its text."""
     with suppress(Exception):
-        pickle.loads(cloudpickle.dumps(error))
-        return error
+        # An exception with an __init__ of its own may come back with another text, or not at all.
+        if str(pickle.loads(cloudpickle.dumps(error))) == str(error):
+            return error
     return WorkerError(" ".join(f"{type(error).__name__}: {error}".split()) + f" (on {platform.node()})")

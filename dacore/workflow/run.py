@@ -38,6 +38,7 @@ def run_scene(
     cache: Path | None = None,
     workers: int | None = None,
     board: ProgressBoard | None = None,
+    scheduler: str | None = None,
 ) -> Finished:
     """Run a scene and write its results.
 
@@ -54,13 +55,21 @@ def run_scene(
     workers : int, optional
         Processes for solving; all usable cores by default.
     board : ProgressBoard, optional
+    scheduler : str, optional
+        ``tcp://host:port`` or the scheduler file of a dask cluster whose workers solve; asked before
+        anything is computed.
     """
     started = time.perf_counter()
     # Drawing needs matplotlib; a plan does not.
     from dacore.workflow.output import publish, tables
 
     board = board or ProgressBoard()
-    session = open_scene(path, changes, cache or out / "cache", workers or usable_cores(), board)
+    session = open_scene(path, changes, cache or out / "cache", workers or usable_cores(), board, scheduler)
+    if scheduler is not None:
+        from dacore.execution.cluster import connected
+
+        with connected(scheduler):
+            pass
     make_folder(out)
     # The dense work is many small factorisations: a second BLAS thread gains little on an idle machine and
     # costs ten times and more on a busy one. The cores go to the worker processes.

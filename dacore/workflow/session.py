@@ -118,6 +118,7 @@ def open_scene(
     cache: str | Path | None = None,
     workers: int = 1,
     board: ProgressBoard | None = None,
+    scheduler: str | None = None,
 ) -> Session:
     """Open a scene for use from Python.
 
@@ -134,6 +135,8 @@ def open_scene(
         ``if __name__ == "__main__":`` around its work.
     board : ProgressBoard, optional
         Where progress is shown.
+    scheduler : str, optional
+        ``tcp://host:port`` or the scheduler file of a dask cluster whose workers solve instead of processes here.
 
     Raises
     ------
@@ -145,4 +148,4 @@ def open_scene(
     builder.check()
     show = board or ProgressBoard()
     folder = Path(cache) if cache is not None else Path("runs") / file.stem / "cache"
-    return Session(builder, Runner(scene_pipeline(builder, workers, show), folder, show.stage))
+    return Session(builder, Runner(scene_pipeline(builder, workers, show, scheduler), folder, show.stage))

@@ -61,7 +61,9 @@ class ProgressBoard:
         """Hear that stage `name` starts ("start"), is done ("done"), or was kept ("cached")."""
 
 
-def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | None = None) -> Pipeline:
+def scene_pipeline(
+    builder: Builder, workers: int = 1, board: ProgressBoard | None = None, scheduler: str | None = None
+) -> Pipeline:
     """Return the stages of a scene, each with exactly the settings it depends on.
 
     Parameters
@@ -70,12 +72,16 @@ def scene_pipeline(builder: Builder, workers: int = 1, board: ProgressBoard | No
     workers : int
         Processes for solving; not part of any key.
     board : ProgressBoard, optional
+    scheduler : str, optional
+        Of a dask cluster whose workers solve instead; not part of any key either.
     """
     scene, show = builder.scene, board or ProgressBoard()
     ranges = {name: table.model_dump() for name, table in scene.parameters.items()}
 
     def solve(results: Results, samples: Array, store: TrajectoryStore, title: str) -> int:
-        return solve_all(results["model"], results["parameters"], samples, store, workers, show.meter(title))
+        return solve_all(
+            results["model"], results["parameters"], samples, store, workers, show.meter(title), scheduler
+        )
 
     def trajectories(results: Results, folder: Path, samples: Array, title: str) -> TrajectorySet:
         store = TrajectoryStore(folder, folder.name)
