@@ -33,6 +33,9 @@ Scheduler = Annotated[
     str | None,
     typer.Option("--scheduler", metavar="ADDRESS", help="tcp://host:port or scheduler file of a dask cluster to use"),
 ]
+Fresh = Annotated[
+    str | None, typer.Option("--fresh", metavar="A,B", help="stages to make anew whatever is kept, or all")
+]
 Cache = Annotated[Path | None, typer.Option("--cache", metavar="DIR", help="where stages are kept [OUT/cache]")]
 
 
@@ -61,23 +64,31 @@ def run(
     changes: Changes = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
+    fresh: Fresh = None,
 ) -> None:
     """Run a scene: results.json, figures, fields for ParaView and report.html."""
     from dacore.cli.progress import RichBoard
     from dacore.workflow.run import run_scene
 
     with RichBoard() as board:
-        finished = run_scene(scene, changes or [], _out(scene, out), cache, workers, board, scheduler)
+        finished = run_scene(scene, changes or [], _out(scene, out), cache, workers, board, scheduler, _stages(fresh))
     board.show(finished.tables, finished.files)
 
 
 @app.command()
-def plan(scene: SceneFile, out: Out = None, cache: Cache = None, changes: Changes = None) -> None:
-    """Say which stages would run, which are kept, which are skipped, and why."""
+def plan(
+    scene: SceneFile,
+    out: Out = None,
+    cache: Cache = None,
+    changes: Changes = None,
+    workers: Workers = None,
+    fresh: Fresh = None,
+) -> None:
+    """Say which stages would run, which are kept, which are skipped, why, and what each would take."""
     from dacore.cli.progress import print_plan
     from dacore.workflow.run import plan_scene
 
-    print_plan(plan_scene(scene, changes or [], _out(scene, out), cache))
+    print_plan(plan_scene(scene, changes or [], _out(scene, out), cache, workers, _stages(fresh)))
 
 
 @app.command()
@@ -225,6 +236,10 @@ def plugins() -> None:
     from dacore.plugins.registry import load
 
     print_plugins(load().table())
+
+
+def _stages(text: str | None) -> list[str]:
+    return [name.strip() for name in (text or "").split(",") if name.strip()]
 
 
 def _out(scene: Path, out: Path | None) -> Path:

@@ -20,6 +20,7 @@ from rich.progress import (
 from rich.table import Table as RichTable
 from rich.text import Text
 
+from dacore.pipeline.costs import memory_text, seconds_text
 from dacore.pipeline.runner import PlannedStage
 from dacore.plugins.registry import Row
 from dacore.workflow.report_parts import Cell, Table
@@ -96,13 +97,46 @@ class _Meter:
 
 
 def print_plan(rows: Sequence[PlannedStage]) -> None:
-    """Print a plan as a table."""
-    table = RichTable(box=SIMPLE_HEAD, pad_edge=False)
-    for header in ("stage", "", "why", "what"):
-        table.add_column(header)
+    """Print a plan as a table, with what it takes in all."""
+    table = RichTable(box=SIMPLE_HEAD, pad_edge=False, show_footer=True)
+    known = [row.cost for row in rows if row.cost is not None]
+    unknown = any(row.cost is None and row.status != "skipped" for row in rows)
+    total = ""
+    if known:
+        total = f"{seconds_text(sum(cost.seconds for cost in known))}{' and more' if unknown else ''}"
+    memory = memory_text(max(cost.memory for cost in known)) if known else ""
+    for header, footer in (
+        ("stage", "in all"),
+        ("", ""),
+        ("about", total),
+        ("memory", memory),
+        ("why", ""),
+        ("what", ""),
+    ):
+        table.add_column(header, Text(footer), justify="right" if header in ("about", "memory") else "left")
     for row in rows:
-        table.add_row(row.name, f"[{STATUS_STYLE[row.status]}]{row.status}[/]", row.why, row.purpose)
-    Console().print(table)
+        table.add_row(
+            row.name, f"[{STATUS_STYLE[row.status]}]{row.status}[/]", *_costs(row), Text(row.why), Text(row.purpose)
+        )
+    console = Console()
+    console.print(table)
+    console.print(Text(_whence(rows, unknown), style="dim"))
+
+
+def _costs(row: PlannedStage) -> tuple[str, str]:
+    if row.cost is None:
+        return ("", "") if row.status == "skipped" else ("?", "?")
+    if row.cost.seconds == 0 and row.cost.memory == 0:
+        return "", ""
+    return seconds_text(row.cost.seconds), memory_text(row.cost.memory)
+
+
+def _whence(rows: Sequence[PlannedStage], unknown: bool) -> str:
+    if unknown:
+        return "?: the size is not known before the mesh is made; plan again when it is."
+    if any(row.measured for row in rows):
+        return "Estimated by growth laws, corrected by what stages took in this cache."
+    return "Estimated by growth laws alone, within a factor of 3; this cache has not measured anything yet."
 
 
 def print_plugins(rows: Sequence[Row]) -> None:

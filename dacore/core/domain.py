@@ -15,3 +15,7 @@ class Domain(ABC):
     def fingerprint(self) -> str:
         """What the mesh depends on besides the settings, such as a hash of a file's content."""
         return ""
+
+    def expected_nodes(self) -> int | None:
+        """About how many nodes the mesh will have, if that is known without making it: for estimates of cost."""
+        return None

@@ -74,6 +74,10 @@ class Ball(Domain):
         """Exact volume [cm³]."""
         return float(4.0 / 3.0 * np.pi * (self.radius**3 - self.cavity_radius**3))
 
+    def expected_nodes(self) -> int:
+        """About as many as lattices of this edge have in the volume, and more near both surfaces."""
+        return round((2.5 + 7.3 * self.edge / self.radius) * self.volume / self.edge**3)
+
     def mesh(self) -> Mesh:
         """Make the mesh [cm]; MeshError if it fails its checks."""
         centre = np.array([0.0, 0.0, self.radius])

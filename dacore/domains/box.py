@@ -78,6 +78,10 @@ class Box(Domain):
                 tags[(position == at).all(axis=1)] = tag_of_side["xyz"[axis] + end]
         return Mesh(points, cells, facets, tags, numbers)
 
+    def expected_nodes(self) -> int:
+        """Number of nodes."""
+        return int(np.prod(np.array(self.divisions) + 1))
+
     def _roles(self) -> dict[str, tuple[str, ...]]:
         if self.roles is not None:
             return {role: tuple(names) for role, names in self.roles.items()}

@@ -1,20 +1,24 @@
-"""Run stages when their results are asked for, and say beforehand what would be done."""
+"""Run stages when their results are asked for, and say beforehand what would be done and what it would cost."""
 
 import logging
+import shutil
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
-from dacore.errors import StoreError
+from dacore.errors import DacoreError, StoreError
 from dacore.io.atomic import make_folder
+from dacore.pipeline.costs import READING, Cost, Ledger, Record, processor_time, size_on_disk
 from dacore.pipeline.stage import Pipeline, Stage
 
 logger = logging.getLogger(__name__)
 
 Status = Literal["run", "resume", "cached", "skipped"]
 Observer = Callable[[str, str], None]
+ALL = "all"
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,10 @@ class PlannedStage:
     status : {"run", "resume", "cached", "skipped"}
     why : str
     key : str
+    cost : Cost, optional
+        What it will take; None for a skipped stage, and where the size is not known before other stages ran.
+    measured : bool
+        Whether the estimate leans on what this kind of stage took in this cache.
     """
 
     name: str
@@ -34,6 +42,8 @@ class PlannedStage:
     status: Status
     why: str
     key: str
+    cost: Cost | None = None
+    measured: bool = False
 
 
 @dataclass
@@ -47,19 +57,44 @@ class Runner:
         Folder of results kept on disk.
     observer : callable, optional
         Called with (stage name, "start" | "done" | "cached").
+    fresh : collection of str
+        Stages to make anew whatever is kept; "all" for all of them. What is made replaces what was kept.
+    sizes : mapping of str to float
+        What is known of the scene's size before anything runs, for the stages' laws of cost.
 
     Attributes
     ----------
     timings : dict of str to float
         Seconds each stage took by itself, without the stages it asked for.
+    states : dict of str to str
+        Whether each was "run" or "cached".
+
+    Raises
+    ------
+    DacoreError
+        If there is no such stage to make anew.
     """
 
     pipeline: Pipeline
     cache: Path
     observer: Observer | None = None
+    fresh: Collection[str] = ()
+    sizes: Mapping[str, float] = field(default_factory=dict)
     timings: dict[str, float] = field(default_factory=dict)
+    states: dict[str, str] = field(default_factory=dict)
     _results: dict[str, Any] = field(default_factory=dict)
-    _inner: list[float] = field(default_factory=list)
+    _inner: list[tuple[float, float]] = field(default_factory=list)
+    _resumed: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        known = [stage.name for stage in self.pipeline.stages]
+        if unknown := [name for name in self.fresh if name not in (ALL, *known)]:
+            raise DacoreError(f"fresh: got {unknown[0]!r}, expected all, or any of {', '.join(known)}")
+
+    @cached_property
+    def ledger(self) -> Ledger:
+        """What stages of this cache took."""
+        return Ledger(self.cache)
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._results:
@@ -76,28 +111,50 @@ class Runner:
         return self.cache / f"{stage.name}-{self.pipeline.key(stage.name)}"
 
     def _make(self, stage: Stage) -> Any:
-        started = time.perf_counter()
-        self._inner.append(0.0)
+        started, used = time.perf_counter(), processor_time()
+        self._inner.append((0.0, 0.0))
         try:
-            return self._load_or_compute(stage)
+            result = self._load_or_compute(stage)
         finally:
-            total = time.perf_counter() - started
-            self.timings[stage.name] = total - self._inner.pop()
+            total, cpu = time.perf_counter() - started, processor_time() - used
+            inner = self._inner.pop()
+            self.timings[stage.name] = total - inner[0]
             if self._inner:
-                self._inner[-1] += total
+                above = self._inner[-1]
+                self._inner[-1] = (above[0] + total, above[1] + cpu)
+        self._record(stage, result, cpu - inner[1])
+        return result
+
+    def _record(self, stage: Stage, result: Any, cpu: float) -> None:
+        """Keep what the stage took, and how large its result is: later stages' laws ask for it."""
+        key, found = self.pipeline.key(stage.name), dict(stage.size(result)) if stage.size else {}
+        known = self.ledger.find(stage.name, key)
+        if self.states.get(stage.name) == "cached":
+            if known is None and found:
+                self.ledger.keep(key, Record(stage.name, 0.0, 0.0, 0.0, found))
+        elif stage.cost or found:
+            law = stage.cost(self.known_sizes()) if stage.cost and stage.name not in self._resumed else None
+            self.ledger.keep(key, Record(stage.name, self.timings[stage.name], cpu, law.seconds if law else 0.0, found))
 
     def _load_or_compute(self, stage: Stage) -> Any:
-        if stage.codec and self.path(stage).exists():
+        anew = ALL in self.fresh or stage.name in self.fresh
+        if stage.codec and not anew and self.path(stage).exists():
             try:
                 result = stage.codec.load(self.path(stage), self)
             except StoreError as error:
                 logger.warning("%s; computing it again", str(error).partition(";")[0])
             else:
+                self.states[stage.name] = "cached"
                 self._tell(stage.name, "cached")
                 return result
         for need in stage.needs:
             self[need]
+        self.states[stage.name] = "run"
         self._tell(stage.name, "start")
+        if anew and self.folder(stage).is_dir():
+            shutil.rmtree(self.folder(stage))
+        if self._pieces(stage):
+            self._resumed.add(stage.name)
         result = stage.compute(self, self.folder(stage))
         if stage.codec:
             make_folder(self.cache)
@@ -109,8 +166,25 @@ class Runner:
         if self.observer:
             self.observer(name, event)
 
+    def _pieces(self, stage: Stage) -> int:
+        """How many pieces of work that resumes are done."""
+        folder = self.folder(stage)
+        return sum(1 for _ in folder.glob("[!.]*.h5")) if stage.pieces and folder.is_dir() else 0
+
+    def known_sizes(self) -> dict[str, float]:
+        """All that is known of the scene's size: what was given, and what these very stages were once found to be."""
+        out = dict(self.sizes)
+        for stage in self.pipeline.stages:
+            if stage.size is None:
+                continue
+            if stage.name in self._results:
+                out |= stage.size(self._results[stage.name])
+            elif (record := self.ledger.find(stage.name, self.pipeline.key(stage.name))) is not None:
+                out |= record.sizes
+        return out
+
     def plan(self, targets: Sequence[str]) -> list[PlannedStage]:
-        """Say for every stage whether it would run, resume, be read, or be skipped, and why.
+        """Say for every stage whether it would run, resume, be read, or be skipped, why, and what it would take.
 
         Parameters
         ----------
@@ -123,21 +197,42 @@ class Runner:
             if name in status:
                 return
             stage = self.pipeline[name]
-            if stage.codec and self.path(stage).exists():
+            anew = ALL in self.fresh or name in self.fresh
+            if stage.codec and not anew and self.path(stage).exists():
                 status[name] = ("cached", f"kept at {self.path(stage).name}")
                 needs = stage.codec.load_needs
             else:
-                resumes = self.folder(stage).is_dir() and any(self.folder(stage).iterdir())
-                status[name] = ("resume" if resumes else "run", why)
+                done = 0 if anew else self._pieces(stage)
+                if done:
+                    status[name] = ("resume", f"{min(done, stage.pieces)} of {stage.pieces} done")
+                else:
+                    status[name] = ("run", "to be made anew" if anew and stage.codec else why)
                 needs = stage.needs
             for need in needs:
                 visit(need, f"{name} needs it")
 
         for target in targets:
             visit(target, "asked for")
-        return [
-            PlannedStage(
-                s.name, s.purpose, *status.get(s.name, ("skipped", "nothing asks for it")), self.pipeline.key(s.name)
-            )
-            for s in self.pipeline.stages
-        ]
+        sizes = self.known_sizes()
+        rows = []
+        for stage in self.pipeline.stages:
+            what, why = status.get(stage.name, ("skipped", "nothing asks for it"))
+            cost, measured = self._cost(stage, what, sizes)
+            key = self.pipeline.key(stage.name)
+            rows.append(PlannedStage(stage.name, stage.purpose, what, why, key, cost, measured))
+        return rows
+
+    def _cost(self, stage: Stage, status: Status, sizes: Mapping[str, float]) -> tuple[Cost | None, bool]:
+        if status == "skipped":
+            return None, False
+        if status == "cached":
+            size = size_on_disk(self.path(stage))
+            return Cost(size / READING, 2.0 * size), False
+        if stage.cost is None:
+            return Cost(0.0, 0.0), False
+        law = stage.cost(sizes)
+        if law is None:
+            return None, False
+        factor = self.ledger.factor(stage.name)
+        left = 1.0 - min(self._pieces(stage) / stage.pieces, 1.0) if status == "resume" else 1.0
+        return Cost(law.seconds * left * (factor or 1.0), law.memory), factor is not None

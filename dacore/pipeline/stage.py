@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from dacore.errors import DacoreError
+from dacore.pipeline.costs import Cost
 
 
 class Results(Protocol):
@@ -58,6 +59,12 @@ class Stage:
         How to keep the result; None computes it anew in each run.
     purpose : str
         A few words for the plan.
+    cost : callable, optional
+        Sizes by name -> what it takes by its growth law, None where a size is missing; None: next to nothing.
+    size : callable, optional
+        result -> sizes by name, which laws of later stages use.
+    pieces : int
+        How many ``.h5`` files work that resumes leaves in the stage's folder; 0 for work that does not resume.
     """
 
     name: str
@@ -66,6 +73,9 @@ class Stage:
     compute: Callable[[Results, Path], Any]
     codec: Codec | None = None
     purpose: str = ""
+    cost: Callable[[Mapping[str, float]], Cost | None] | None = None
+    size: Callable[[Any], Mapping[str, float]] | None = None
+    pieces: int = 0
 
 
 @dataclass(frozen=True)
@@ -80,6 +90,7 @@ class Pipeline:
 
     stages: Sequence[Stage]
     _by_name: dict[str, Stage] = field(default_factory=dict, init=False)
+    _keys: dict[str, str] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         for stage in self.stages:
@@ -95,6 +106,8 @@ class Pipeline:
 
     def key(self, name: str) -> str:
         """Content key: a hash of the stage's settings and of the keys of what it needs."""
+        if name in self._keys:
+            return self._keys[name]
         stage = self[name]
         content = {
             "name": name,
@@ -102,4 +115,5 @@ class Pipeline:
             "needs": {need: self.key(need) for need in stage.needs},
         }
         text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
-        return hashlib.sha256(text.encode()).hexdigest()[:24]
+        self._keys[name] = hashlib.sha256(text.encode()).hexdigest()[:24]
+        return self._keys[name]

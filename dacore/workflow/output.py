@@ -98,7 +98,11 @@ def make_report(session: Session, pictures: dict[str, Picture], summary: dict[st
             "modes kept": ", ".join(f"{n} of {name}" for name, n in summary["background"]["modes"].items()),
         },
     }
-    timings = [Timing(name, seconds) for name, seconds in session.runner.timings.items()]
+    expected, states = summary["estimated"], session.runner.states
+    timings = [
+        Timing(name, seconds, states.get(name, "run"), expected[name]["seconds"] if name in expected else None)
+        for name, seconds in session.runner.timings.items()
+    ]
     memory = int(max(summary["peak_memory_mib"].values()) * 2**20)
     named = dict(pictures)
 

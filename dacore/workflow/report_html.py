@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from itertools import count
 
-from dacore.workflow.report_parts import Card, Cell, Picture, Provenance, Report, Table
+from dacore.workflow.report_parts import Card, Cell, Picture, Provenance, Report, Table, Timing
 from dacore.workflow.report_style import POLICY, STYLE
 
 
@@ -101,7 +101,8 @@ def _provenance(provenance: Provenance, scene: str, number: int) -> str:
     longest = max((timing.seconds for timing in provenance.timings), default=0.0) or 1.0
     rows = "".join(
         f'<tr><th scope="row">{_inline(timing.stage)}</th><td class="muted">{_escape(timing.state)}</td>'
-        f'<td class="r">{_duration(timing.seconds)}</td><td class="metered">'
+        f'<td class="r">{_duration(timing.seconds)}</td><td class="r muted">{_expected(timing)}</td>'
+        f'<td class="metered">'
         f'<span class="meter" style="width:{100 * timing.seconds / longest:.1f}%"></span></td></tr>\n'
         for timing in provenance.timings
     )
@@ -114,6 +115,10 @@ def _provenance(provenance: Provenance, scene: str, number: int) -> str:
         facts += f'<div class="wide"><h3>{memory[2:].capitalize()}</h3></div>\n'
     folded = f"<details>\n<summary>The scene</summary>\n<pre>{_escape(scene)}</pre>\n</details>\n" if scene else ""
     return f'<section id="s{number}">\n<h2>Provenance</h2>\n<div class="facts">\n{facts}</div>\n{folded}</section>\n'
+
+
+def _expected(timing: Timing) -> str:
+    return "" if timing.expected is None else f"expected {_duration(timing.expected)}"
 
 
 def _cell(entry: str | Cell) -> Cell:

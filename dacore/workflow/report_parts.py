@@ -133,11 +133,12 @@ class Section:
 
 @dataclass(frozen=True)
 class Timing:
-    """How long a stage took, and whether it was run, cached or skipped."""
+    """How long a stage took, whether it was run, cached or skipped, and how long it was expected to take [s]."""
 
     stage: str
     seconds: float
     state: str = "run"
+    expected: float | None = None
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 import json
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from dacore.core.background import Background
 from dacore.core.mesh import Mesh
 from dacore.core.observation import Functionals
 from dacore.io.atomic import atomic_write
+from dacore.pipeline.runner import PlannedStage
 from dacore.studies.errors import JOINT
 from dacore.studies.validation import PRIOR, Judged, Outcome, Validation
 from dacore.workflow.build import Builder
@@ -27,7 +28,7 @@ SAME_DISCRETISATION = (
 )
 
 
-def summarise(session: Session, seconds: float) -> dict[str, Any]:
+def summarise(session: Session, seconds: float, expected: Sequence[PlannedStage] = ()) -> dict[str, Any]:
     """Collect everything a run found, as JSON values.
 
     Parameters
@@ -36,6 +37,8 @@ def summarise(session: Session, seconds: float) -> dict[str, Any]:
         With the results of the scene's targets.
     seconds : float
         Wall time of the run so far.
+    expected : sequence of PlannedStage
+        The plan before the run, whose estimates stand beside what the stages took.
     """
     scene, background, validation = session.scene, session.background, session.validation
     timings = {name: round(value, 4) for name, value in session.runner.timings.items()}
@@ -48,6 +51,12 @@ def summarise(session: Session, seconds: float) -> dict[str, Any]:
         "seeds": {"training": scene.training.seed, "validation": scene.validation.seed, "noise": scene.noise.seed},
         **circumstances(session.builder),
         "timings": timings | {"total": round(seconds, 3)},
+        "estimated": {
+            row.name: {"seconds": round(row.cost.seconds, 3), "mebibytes": round(row.cost.memory / 2**20, 1)}
+            for row in expected
+            if row.cost is not None
+        },
+        "stages": dict(session.runner.states),
         "peak_memory_mib": {"main": round(peak_memory(), 1)},
         "mesh": _mesh(session.mesh) if scene.domain is not None else None,
         "n_dofs": background.space.n_dofs,

@@ -1,17 +1,19 @@
 """Run a scene from file to results, or say what a run would do."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from dacore.algebra.threads import one_blas_thread
 from dacore.io.atomic import make_folder
+from dacore.pipeline.costs import Cost, Record, processor_time
 from dacore.pipeline.runner import PlannedStage
+from dacore.workflow.laws import REPORT, report
 from dacore.workflow.machine import usable_cores
 from dacore.workflow.report_parts import Table
 from dacore.workflow.results import summarise, write_json
-from dacore.workflow.session import open_scene
+from dacore.workflow.session import Session, open_scene
 from dacore.workflow.stages import ProgressBoard, targets
 
 
@@ -39,6 +41,7 @@ def run_scene(
     workers: int | None = None,
     board: ProgressBoard | None = None,
     scheduler: str | None = None,
+    fresh: Collection[str] = (),
 ) -> Finished:
     """Run a scene and write its results.
 
@@ -58,35 +61,57 @@ def run_scene(
     scheduler : str, optional
         ``tcp://host:port`` or the scheduler file of a dask cluster whose workers solve; asked before
         anything is computed.
+    fresh : collection of str
+        Stages to make anew whatever is kept, "all" for all of them; what is made replaces what was kept.
     """
     started = time.perf_counter()
     # Drawing needs matplotlib; a plan does not.
     from dacore.workflow.output import publish, tables
 
     board = board or ProgressBoard()
-    session = open_scene(path, changes, cache or out / "cache", workers or usable_cores(), board, scheduler)
+    session = open_scene(path, changes, cache or out / "cache", workers or usable_cores(), board, scheduler, fresh)
     if scheduler is not None:
         from dacore.execution.cluster import connected
 
         with connected(scheduler):
             pass
     make_folder(out)
+    expected = planned(session)
     # The dense work is many small factorisations: a second BLAS thread gains little on an idle machine and
     # costs ten times and more on a busy one. The cores go to the worker processes.
     with one_blas_thread():
         for target in targets(session.builder):
             session.runner[target]
-        summary = summarise(session, time.perf_counter() - started)
+        summary = summarise(session, time.perf_counter() - started, expected)
         results = out / "results.json"
         write_json(summary, results)
         text = path.read_text(encoding="utf-8") + "".join(f"\n# --set {change}" for change in changes)
         board.stage("report", "start")
+        drawing, used = time.perf_counter(), processor_time()
         files = publish(session, out, summary, text)
         board.stage("report", "done")
+        law = report(session.runner.known_sizes(), session.scene.report.states)
+        record = Record(REPORT, time.perf_counter() - drawing, processor_time() - used, law.seconds, {})
+        session.runner.ledger.keep("latest", record)
     return Finished(tuple(tables(session, joint=False)), (*files, results), time.perf_counter() - started)
 
 
-def plan_scene(path: Path, changes: Sequence[str], out: Path, cache: Path | None = None) -> list[PlannedStage]:
-    """Say what `run_scene` would do, stage by stage."""
-    session = open_scene(path, changes, cache or out / "cache")
-    return session.runner.plan(targets(session.builder))
+def plan_scene(
+    path: Path,
+    changes: Sequence[str],
+    out: Path,
+    cache: Path | None = None,
+    workers: int | None = None,
+    fresh: Collection[str] = (),
+) -> list[PlannedStage]:
+    """Say what `run_scene` would do, stage by stage and with the report, and what it would cost."""
+    return planned(open_scene(path, changes, cache or out / "cache", workers or usable_cores(), fresh=fresh))
+
+
+def planned(session: Session) -> list[PlannedStage]:
+    """Return the plan of a run: the stages, and the report."""
+    runner = session.runner
+    law, factor = report(runner.known_sizes(), session.scene.report.states), runner.ledger.factor(REPORT)
+    cost = Cost(law.seconds * (factor or 1.0), law.memory)
+    last = PlannedStage(REPORT, "tables and figures", "run", "made in every run", "", cost, factor is not None)
+    return [*runner.plan(targets(session.builder)), last]

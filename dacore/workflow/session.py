@@ -1,6 +1,6 @@
 """A scene with its results, each made when it is first asked for."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,12 +11,13 @@ from dacore.core.model import ForwardModel, Trajectory
 from dacore.core.observation import Functionals
 from dacore.core.parameters import ParameterSpace
 from dacore.core.quantity import QuantityOfInterest
-from dacore.errors import SceneError
+from dacore.errors import DacoreError, SceneError
 from dacore.io.scene import Scene, read_scene
 from dacore.pipeline.runner import Runner
 from dacore.studies.refinement import Refinement
 from dacore.studies.validation import Judged, Validation
 from dacore.workflow.build import Builder
+from dacore.workflow.laws import sizes_of
 from dacore.workflow.stages import ProgressBoard, scene_pipeline
 
 
@@ -119,6 +120,7 @@ def open_scene(
     workers: int = 1,
     board: ProgressBoard | None = None,
     scheduler: str | None = None,
+    fresh: Collection[str] = (),
 ) -> Session:
     """Open a scene for use from Python.
 
@@ -137,6 +139,8 @@ def open_scene(
         Where progress is shown.
     scheduler : str, optional
         ``tcp://host:port`` or the scheduler file of a dask cluster whose workers solve instead of processes here.
+    fresh : collection of str
+        Stages to make anew whatever is kept, "all" for all of them; what is made replaces what was kept.
 
     Raises
     ------
@@ -148,4 +152,9 @@ def open_scene(
     builder.check()
     show = board or ProgressBoard()
     folder = Path(cache) if cache is not None else Path("runs") / file.stem / "cache"
-    return Session(builder, Runner(scene_pipeline(builder, workers, show, scheduler), folder, show.stage))
+    pipeline = scene_pipeline(builder, workers, show, scheduler)
+    try:
+        runner = Runner(pipeline, folder, show.stage, fresh, sizes_of(builder.scene, builder.domain, workers))
+    except DacoreError as error:
+        raise SceneError(f"--{error}") from error
+    return Session(builder, runner)

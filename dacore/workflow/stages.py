@@ -40,6 +40,7 @@ from dacore.studies.reference import measure, project
 from dacore.studies.refinement import time_refinement
 from dacore.studies.validation import PRODUCT, Judge, Judged, NoisyData, Validation, gather, joint_weights
 from dacore.workflow.build import Builder, source_hash
+from dacore.workflow.laws import priced
 from dacore.workflow.trajectories import TrajectorySet, read_note, write_note
 
 _log = logging.getLogger(__name__)
@@ -79,9 +80,7 @@ def scene_pipeline(
     ranges = {name: table.model_dump() for name, table in scene.parameters.items()}
 
     def solve(results: Results, samples: Array, store: TrajectoryStore, title: str) -> int:
-        return solve_all(
-            results["model"], results["parameters"], samples, store, workers, show.meter(title), scheduler
-        )
+        return solve_all(results["model"], results["parameters"], samples, store, workers, show.meter(title), scheduler)
 
     def trajectories(results: Results, folder: Path, samples: Array, title: str) -> TrajectorySet:
         store = TrajectoryStore(folder, folder.name)
@@ -306,7 +305,7 @@ def scene_pipeline(
             "discretisation error in time",
         ),
     ]  # fmt: skip
-    return Pipeline(stages)
+    return Pipeline(priced(stages, scene))
 
 
 def targets(builder: Builder) -> list[str]:

@@ -64,9 +64,17 @@ class Brain(Domain):
         if not 0.2 <= self.neck_height <= 7.0:
             raise MeshError(f"brain neck_height: got {self.neck_height} cm, expected 0.2 to 7")
 
+    def _edge(self) -> float:
+        return _EDGES[self.nodes] if self.edge is None else float(self.edge)
+
+    def expected_nodes(self) -> int:
+        """About as many as lattices of this edge have in the volume, and more near the surfaces."""
+        edge = self._edge()
+        return round((2.0 + 2.0 * edge) * _TISSUE / edge**3)
+
     def mesh(self) -> Mesh:
         """Mesh the template [cm]; MeshError if the result fails its checks."""
-        edge = _EDGES[self.nodes] if self.edge is None else float(self.edge)
+        edge = self._edge()
         envelope, ventricles = _placed_outlines()
 
         def level_set(points: Array) -> Array:
