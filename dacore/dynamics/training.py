@@ -1,6 +1,6 @@
 """Solve a model for many parameter vectors, on as many workers as there are, into a store."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 
@@ -11,6 +11,7 @@ from dacore.core.model import ForwardModel, Trajectory
 from dacore.core.parameters import ParameterSpace, Sampling
 from dacore.errors import ConvergenceError, DacoreError, ShapeError
 from dacore.execution.foreach import for_each
+from dacore.io.leftovers import present
 from dacore.io.snapshots import TrajectoryStore
 
 Progress = Callable[[int, int], None]
@@ -43,10 +44,12 @@ def solve_all(
     workers: int = 1,
     progress: Progress | None = None,
     scheduler: str | None = None,
+    only: Sequence[int] | None = None,
 ) -> int:
     """Solve for every sample that the store does not hold yet.
 
-    Another process may fill the same store meanwhile: what it has finished is not begun here.
+    Another process may fill the same store meanwhile: what it has finished is not begun here, and the
+    two begin at different ends.
 
     Parameters
     ----------
@@ -63,6 +66,8 @@ def solve_all(
     scheduler : str, optional
         Of a dask cluster: ``tcp://host:port`` or the path of its scheduler file. Its workers solve, this
         process writes.
+    only : sequence of int, optional
+        Numbers of the samples to solve for; all by default.
 
     Returns
     -------
@@ -76,9 +81,10 @@ def solve_all(
     WorkerError
         If workers cannot be had or die at their work; what is done stays in the store.
     """
-    total = len(samples)
+    wanted = range(len(samples)) if only is None else only
+    total = len(wanted)
     missing = [
-        Sample(index, dict(parameters.as_mapping(samples[index]))) for index in range(total) if not store.intact(index)
+        Sample(index, dict(parameters.as_mapping(samples[index]))) for index in wanted if not store.intact(index)
     ]
     if progress:
         progress(total - len(missing), total)
@@ -88,21 +94,36 @@ def solve_all(
     names = [parameter.name for parameter in parameters.parameters]
     solved = found = 0
 
-    def still_missing() -> Iterator[Sample]:
+    def still_missing(order: Iterable[Sample]) -> Iterator[Sample]:
         nonlocal found
-        for sample in missing:
+        for sample in order:
             if store.intact(sample.index):  # by now, through another process
                 found += 1
             else:
                 yield sample
 
-    with closing(for_each(_solve, model, still_missing(), min(workers, len(missing)), scheduler, str)) as results:
+    with (
+        present(store.folder) as before,
+        closing(
+            for_each(_solve, model, still_missing(_apart(missing, before)), min(workers, len(missing)), scheduler, str)
+        ) as results,
+    ):
         for sample, trajectory in results:
             store.write(sample.index, trajectory, samples[sample.index], names, units)
             solved += 1
             if progress:
                 progress(total - len(missing) + solved + found, total)
     return solved
+
+
+def _apart(missing: Sequence[Sample], before: int) -> Sequence[Sample]:
+    """The order of a process that finds `before` others at the same work, so that they meet late."""
+    if before == 0:
+        return missing
+    if before % 2:
+        return missing[::-1]
+    middle = len(missing) // 2
+    return [*missing[middle:], *missing[:middle]]
 
 
 def draw(parameters: ParameterSpace, count: int, sampling: Sampling, seed: int) -> Array:

@@ -52,6 +52,39 @@ def test_only_what_is_missing_is_solved(tmp_path):
     assert seen[-1] == (6, 6)
 
 
+def test_two_at_once_share_the_work(tmp_path):
+    """The second begins at the other end, and neither solves what the other has finished."""
+    samples = draw(PARAMETERS, 8, "uniform", 1)
+    store, outer, inner = TrajectoryStore(tmp_path, "k"), Line(), Line()
+
+    def meanwhile(done, _total):
+        if done == 2:
+            solve_all(inner, PARAMETERS, samples[2:], Shifted(store), progress=stop)
+
+    def stop(done, _total):
+        if done == 3:
+            raise KeyboardInterrupt
+
+    class Shifted:
+        """The store as seen by somebody whose first sample is number 2."""
+
+        def __init__(self, store):
+            self.store, self.folder = store, store.folder
+
+        def intact(self, index):
+            return self.store.intact(index + 2)
+
+        def write(self, index, *rest):
+            self.store.write(index + 2, *rest)
+
+    with pytest.raises(KeyboardInterrupt):
+        solve_all(outer, PARAMETERS, samples, store, progress=meanwhile)
+    assert inner.calls == samples[:4:-1, 0].tolist()
+    assert solve_all(outer, PARAMETERS, samples, store) == 3
+    assert outer.calls == samples[:5, 0].tolist()
+    assert {path.suffix for path in tmp_path.iterdir()} == {".h5"}
+
+
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_failure_names_the_sample_and_keeps_what_is_done(tmp_path, workers):
     samples = np.array([[1.1, 3.0], [1.2, 3.0], [1.9, 3.0], [1.3, 3.0]])
