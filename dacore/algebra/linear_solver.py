@@ -4,6 +4,7 @@ from abc import abstractmethod
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from dacore.algebra.elimination import canonical
@@ -12,7 +13,12 @@ from dacore.core.arrays import Array, BoolArray, Sparse
 from dacore.core.solver import LinearSolver, SolverMethod
 from dacore.errors import ConvergenceError, PluginError, ShapeError
 
-_LEAST_NEWS = 1e-8  # a direction of which less than this is new would be mostly rounding
+Single = NDArray[np.float32]
+
+_LEAST_NEWS = 1e-6  # a direction of which less than this is new would be mostly rounding in single precision
+_LARGEST_DIRECTION = 1e30  # of images of size one, well inside the range of single precision
+_REMEMBERED_COLUMNS = 3
+_FEW_COLUMNS = 4  # up to here one product a column is faster than scipy's product of all at once
 _LEAST_GAIN = 0.25  # a correction that leaves more than this of a residual is not worth repeating
 
 
@@ -45,7 +51,7 @@ class CorrectingSolver(LinearSolver):
     matrix : (n, n) csr_array
         The scaled system D K D.
     memory : int
-        How many solutions are remembered.
+        How many solutions are remembered, for each of up to three columns that are solved together.
 
     Raises
     ------
@@ -70,10 +76,11 @@ class CorrectingSolver(LinearSolver):
             raise ShapeError("linear system: the matrix holds NaN, infinite or hopelessly scaled entries")
         self.matrix: Sparse = csr_array((data, matrix.indices, matrix.indptr), shape=(n, n))
         self.tolerance = tolerance
-        # Pairs (direction, image) with orthonormal images, one a row; a full memory forgets the oldest.
+        # Pairs (direction, image) with orthonormal images, one a row; a full memory forgets the oldest. Single
+        # precision is enough for where to start, and half the memory and time.
         self._remembered = 0
-        self._directions: Array = np.zeros((self.memory, n))
-        self._images: Array = np.zeros((self.memory, n))
+        self._directions: Single = np.zeros((0, n), dtype=np.float32)
+        self._images: Single = np.zeros((0, n), dtype=np.float32)
 
     @abstractmethod
     def correct(self, residual: Array, goal: Array) -> Array:
@@ -107,11 +114,10 @@ class CorrectingSolver(LinearSolver):
 
     def _improve(self, load: Array, solution: Array, goal: Array) -> Array:
         """Correct a solution until the residual meets the goal."""
-        residual = load - self.matrix @ solution if solution.any() else load.copy()
-        if self._remembered:
-            self._recall(solution, residual)
-            residual = load - self.matrix @ solution  # so far known by recurrence only
+        residual = load - product(self.matrix, solution) if solution.any() else load.copy()
         reached = np.linalg.norm(residual, axis=0)
+        self._make_room(load.shape[1])
+        self._recall(load, solution, residual, reached, goal)
         remained = np.ones(len(reached))
         while len(open_ := np.flatnonzero(~(reached <= goal))):
             correction = np.asarray(self.correct(residual[:, open_], goal[open_]))
@@ -121,7 +127,7 @@ class CorrectingSolver(LinearSolver):
                     f"{self.name}: correct gave shape {correction.shape}, expected {wanted} as the residual"
                 )
             trial = solution[:, open_] + correction
-            left = load[:, open_] - self.matrix @ trial
+            left = load[:, open_] - product(self.matrix, trial)
             norms = np.linalg.norm(left, axis=0)
             stuck = ~((norms <= goal[open_]) | (norms < _LEAST_GAIN * reached[open_]))
             better = norms < reached[open_]  # False for NaN
@@ -140,37 +146,68 @@ class CorrectingSolver(LinearSolver):
                 f"{_LEAST_GAIN:g} is worth another; {self.advice()}"
             )
         for column in range(load.shape[1]):
-            self._remember(solution[:, column], load[:, column] - residual[:, column])
+            self._remember(solution[:, column], load[:, column], residual[:, column])
         return solution
 
     def advice(self) -> str:
         """What to do when the tolerance is not reached."""
         return "check that the matrix is symmetric and nonsingular, or ask for a larger tolerance"
 
-    def _recall(self, solution: Array, residual: Array) -> None:
-        """Move to the point of least residual in the span of the remembered solutions, in place."""
-        known = slice(0, min(self._remembered, self.memory))
-        weights = self._images[known] @ residual
-        solution += self._directions[known].T @ weights
-        residual -= self._images[known].T @ weights
+    def _make_room(self, columns: int) -> None:
+        """Let the memory hold the solutions of so many columns a solve."""
+        rows, (have, n) = self.memory * min(columns, _REMEMBERED_COLUMNS), self._images.shape
+        if rows > have and self._remembered <= have:  # a memory in which the oldest was replaced stays as it is
+            # Pages of zeros that are never written take no memory.
+            for name in ("_directions", "_images"):
+                grown = np.zeros((rows, n), dtype=np.float32)
+                grown[: self._remembered] = getattr(self, name)[: self._remembered]
+                setattr(self, name, grown)
 
-    def _remember(self, solution: Array, image: Array) -> None:
-        """Add a solution and its image to the remembered span, in place of the oldest where it is full."""
-        size = np.linalg.norm(image)
-        if not size:
+    def _recall(self, load: Array, solution: Array, residual: Array, reached: Array, goal: Array) -> None:
+        """Move to the point of least residual in the span of the remembered solutions, in place."""
+        known = slice(0, min(self._remembered, len(self._images)))
+        open_ = np.flatnonzero(reached > goal)
+        if not self._remembered or not len(open_):
             return
-        direction, image = solution / size, image / size
-        place = self._remembered % self.memory
-        self._images[place] = self._directions[place] = 0.0
+        # Single precision has a narrow range: look at residuals of size one.
+        sizes = reached[open_]
+        weights = self._images[known] @ (residual[:, open_] / sizes).astype(np.float32)
+        trial = solution[:, open_] + sizes * (self._directions[known].T @ weights)
+        left = load[:, open_] - product(self.matrix, trial)
+        norms = np.linalg.norm(left, axis=0)
+        better = norms < sizes  # False for NaN
+        moved = open_[better]
+        solution[:, moved], residual[:, moved], reached[moved] = trial[:, better], left[:, better], norms[better]
+
+    def _remember(self, solution: Array, load: Array, residual: Array) -> None:
+        """Add a solution and its image to the remembered span, in place of the oldest where it is full."""
+        image = load - residual
+        size = np.linalg.norm(image)
+        if not size or not np.linalg.norm(solution) < _LARGEST_DIRECTION * size:
+            return
+        direction, image = (solution / size).astype(np.float32), (image / size).astype(np.float32)
+        rows = len(self._images)
+        place = self._remembered % rows
+        known = np.arange(min(self._remembered, rows)) != place
         for _ in range(2):
-            weights = self._images @ image
-            direction = direction - weights @ self._directions
-            image = image - weights @ self._images
+            weights = np.where(known, self._images[: len(known)] @ image, np.float32(0.0))
+            direction -= weights @ self._directions[: len(known)]
+            image -= weights @ self._images[: len(known)]
         left = np.linalg.norm(image)
         # Below this the new part of the image is the error of the solver, not a new direction.
         if left > max(10.0 * self.tolerance, _LEAST_NEWS):
             self._directions[place], self._images[place] = direction / left, image / left
             self._remembered += 1
+
+
+def product(matrix: Sparse, columns: Array) -> Array:
+    """Multiply (n, k) columns by a matrix, the fastest way for their number."""
+    if columns.shape[1] > _FEW_COLUMNS:
+        return np.asarray(matrix @ columns)
+    out = np.empty((matrix.shape[0], columns.shape[1]), dtype=np.result_type(matrix.dtype, columns.dtype), order="F")
+    for c in range(columns.shape[1]):
+        out[:, c] = matrix @ columns[:, c]
+    return out
 
 
 def prepared(

@@ -23,15 +23,15 @@ so `Auto` takes it whenever the factor fits in memory. Ordering costs 0.4, 2.3 a
 
 from dataclasses import dataclass
 
+from dacore.algebra.auto import AutoSolver
 from dacore.algebra.blockwise import BlockSolver
 from dacore.algebra.direct import DirectSolver
 from dacore.algebra.elimination import Ordering
 from dacore.core.arrays import BoolArray, IntArray, Sparse
 from dacore.core.solver import LinearSolver, SolverMethod
 
-# Entries of a factor of 4 GiB: some 500,000 unknowns of a poroelastic step in three dimensions.
-_LARGEST_FACTOR = 2**30
-_SURELY_DIRECT = 50_000
+# Unknowns from which the iteration is cheaper over a few tens of steps, and takes a third of the memory.
+_DIRECT_UNKNOWNS = 60_000
 
 
 @dataclass(frozen=True)
@@ -62,18 +62,20 @@ class Krylov(SolverMethod):
 
 @dataclass(frozen=True)
 class Auto(SolverMethod):
-    """The direct method as long as its factor fits in 4 GiB, the iterative one above."""
+    """The direct method for up to 60,000 unknowns; above, the iteration, and the direct method where that is slow.
 
-    def analyse(self, matrix: Sparse, definite: BoolArray, nodes: IntArray) -> Ordering:
-        """Return the order of elimination, which tells the size of the factor."""
-        return Ordering.of(matrix, definite, nodes)
+    The iteration is slow where a column takes more than `dacore.algebra.auto.PATIENCE` iterations. The direct
+    method then takes its place for the rest of the steps of that matrix, if its factor fits in 4 GiB.
+    """
+
+    def analyse(self, matrix: Sparse, definite: BoolArray, nodes: IntArray) -> Ordering | None:
+        """Return the order of elimination where the direct method comes first."""
+        return Ordering.of(matrix, definite, nodes) if matrix.shape[0] <= _DIRECT_UNKNOWNS else None
 
     def prepare(
         self, matrix: Sparse, definite: BoolArray, tolerance: float, analysis: Ordering | None = None
     ) -> LinearSolver:
         """Prepare the method that suits the size."""
-        if matrix.shape[0] > _SURELY_DIRECT:
-            analysis = Ordering.of(matrix, definite) if analysis is None else analysis
-            if analysis.factor_entries > _LARGEST_FACTOR:
-                return BlockSolver(matrix, definite, tolerance)
-        return DirectSolver(matrix, definite, tolerance, analysis)
+        if matrix.shape[0] <= _DIRECT_UNKNOWNS:
+            return DirectSolver(matrix, definite, tolerance, analysis)
+        return AutoSolver(matrix, definite, tolerance, analysis)
