@@ -115,11 +115,83 @@ def test_a_domain_without_ventricles(on):
         ({"ranges": {"nu": (0.4, 0.5)}}, "nu: got 0.5"),
         ({"skempton": 1.0, "ranges": {"kappa": (0.0, 1e-8)}}, "storage vanishes"),
         ({"ranges": {"E": (2.0, 1.0)}}, "low <= high"),
+        ({"rollers": {"neck": (0,)}}, "held already; leave it out"),
+        ({"rollers": {"midplane": ()}}, r"got \[\] on midplane, expected different components"),
+        ({"rollers": {"midplane": (0, 0)}}, r"got \[0, 0\] on midplane"),
+        ({"rollers": {"midplane": (-1,)}}, r"got \[-1\] on midplane"),
+        ({"rollers": {"mre": (0, 1)}}, "component 1 on mre is the one that the traction pulls"),
     ],
 )
 def test_settings_are_checked_when_made(settings, message):
     with pytest.raises(ShapeError, match=message):
         Biot(**settings)
+
+
+def halves(whole):
+    """A mesh with a role at x = 0, and it together with its mirror image."""
+    side = (whole.points[whole.facets][:, :, 0] == 0).all(axis=1)
+    tags = np.where(side, 9, whole.facet_tags)
+    half = Mesh(whole.points, whole.cells, whole.facets, tags, {**whole.roles, "midplane": 9})
+    n = len(half.points)
+    plane = half.points[:, 0] == 0
+    # Points of the plane are their own image.
+    image = np.where(plane, np.arange(n), n - 1 + np.cumsum(~plane))
+    points = np.concatenate([half.points, half.points[~plane] * np.where(np.arange(half.dim) == 0, -1.0, 1.0)])
+    mirrored = image[half.cells]
+    mirrored[:, [0, 1]] = mirrored[:, [1, 0]]
+    facets, kept = half.facets[~side], half.facet_tags[~side]
+    both = Mesh(
+        points, np.concatenate([half.cells, mirrored]), np.concatenate([facets, image[facets]]),
+        np.concatenate([kept, kept]), whole.roles,
+    )  # fmt: skip
+    return half, both, image
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_half_a_body_on_rollers_moves_as_the_whole_one(head, on, dim, order):
+    """The plane of symmetry: no motion across it, no flux through it, no friction along it."""
+    half, both, image = halves(head(dim))
+    settings = Biot(displacement_order=order, pulse_axis=1)
+    whole = settings.build(on(both))
+    part = replace(settings, rollers={"midplane": (0,)}).build(on(half))
+    found, expected = (MarchedModel(model, GRID, tolerance=1e-12).solve(middle(part)).states for model in (part, whole))
+    n = len(half.points)
+    for field in ("p", *range(dim)):
+        mine, all_ = (
+            states[model.space.layout.block("p") if field == "p" else model.space.layout.component("u", field)]
+            for states, model in ((found, part), (expected, whole))
+        )
+        # The vertices of half a body are numbered as in the whole one.
+        scale = np.abs(all_).max()
+        assert np.abs(mine[:n] - all_[:n]).max() < 1e-8 * scale
+        sign = -1.0 if field == 0 else 1.0
+        assert np.abs(all_[image] - sign * all_[:n]).max() < 1e-8 * scale
+    nodes = half.boundary_nodes("midplane", order)
+    layout = part.space.layout
+    assert not found[layout.component("u", 0)][nodes].any()
+    free = np.setdiff1d(nodes, half.boundary_nodes("neck", order))
+    assert np.abs(found[layout.component("u", 1)][free]).min(axis=0).max() > 0.0
+    assert not part.constrained[layout.component("u", 1)][free].any()
+
+
+def test_where_rollers_meet_the_neck_its_displacement_holds(head, on):
+    half, _, _ = halves(head())
+    model = Biot(rollers={"midplane": (0,)}).build(on(half))
+    states = MarchedModel(model, GRID).solve(middle(model) | {"neck_displacement": 1e-4}).states
+    across = states[model.space.layout.component("u", 0)]
+    assert np.all(across[half.boundary_nodes("neck")] == 1e-4)
+    assert not across[np.setdiff1d(half.boundary_nodes("midplane"), half.boundary_nodes("neck"))].any()
+
+
+def test_rollers_on_a_role_or_component_that_is_not_there_are_refused(head, on):
+    with pytest.raises(MeshError, match="the mesh has no role midplane"):
+        Biot(rollers={"midplane": (0,)}).build(on(head()))
+    half, _, _ = halves(head(2))
+    with pytest.raises(ShapeError, match="rollers: got component 2 on midplane, expected 0 to 1"):
+        Biot(rollers={"midplane": (2,)}).build(on(half))
+    with pytest.raises(MeshError, match="nothing is held on the boundary midplane"):
+        Biot().build(on(half))
 
 
 def test_ranges_replace_defaults():

@@ -70,6 +70,9 @@ class Biot(Physics):
         No flux through the neck, or the outer pressure there.
     neck_displacement : float
         Value [cm] of every component of u at the neck: a wrong boundary condition to study.
+    rollers : mapping of str to tuple of int
+        Components of u that are zero on other roles, or on `mre`: a plane of symmetry or a smooth wall across
+        an axis. On a role that is none of the three the flux is zero.
     neck, ventricles, mre : str
         Roles of the boundary. Empty `ventricles` is a domain without them; p_ventricles is then no parameter.
     ranges : mapping of str to (low, high)
@@ -98,6 +101,7 @@ class Biot(Physics):
     ramp: float = 0.0
     pressure_on_neck: NeckPressure = "none"
     neck_displacement: float = 0.0
+    rollers: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     neck: str = "neck"
     ventricles: str = "ventricles"
     mre: str = "mre"
@@ -121,7 +125,22 @@ class Biot(Physics):
             raise ShapeError(f"ramp: got {self.ramp}, expected 0 (a jump) or a positive number of seconds")
         if len({self.neck, self.ventricles, self.mre}) != 3:
             raise ShapeError(f"roles: got {self.neck}, {self.ventricles}, {self.mre}, expected three different names")
+        self._check_rollers()
         _check_ranges(self.parameters)
+
+    def _check_rollers(self) -> None:
+        if self.neck in self.rollers:
+            raise ShapeError(f"rollers: got {self.neck}, where every component is held already; leave it out")
+        for role, axes in self.rollers.items():
+            if not axes or len(set(axes)) != len(axes) or min(axes) < 0:
+                raise ShapeError(
+                    f"rollers: got {list(axes)} on {role}, expected different components of u, for example [0]"
+                )
+        if self.pulse_axis in self.rollers.get(self.mre, ()):
+            raise ShapeError(
+                f"rollers: component {self.pulse_axis} on {self.mre} is the one that the traction pulls; change "
+                "pulse_axis, or give rollers to a role of their own"
+            )
 
     @property
     def parameters(self) -> ParameterSpace:
@@ -155,6 +174,7 @@ class Biot(Physics):
         discretization = discretize(biot_fields(mesh.dim, self.displacement_order))
         terms = biot_terms(discretization, self.stabilization)
         held = self._held(discretization)
+        constrained = np.logical_or.reduce([*held.values(), self._on_rollers(discretization)])
         return AffineModel(
             FiniteElementSpace(discretization),
             self.parameters,
@@ -162,7 +182,7 @@ class Biot(Physics):
             terms.first_order,
             terms.zeroth_order,
             self._loads(discretization, held),
-            constrained=np.logical_or.reduce(list(held.values())),
+            constrained=constrained,
             antisymmetric=terms.flow,
             cautions=self._cautions(mesh),
         )
@@ -174,7 +194,7 @@ class Biot(Physics):
         return (oscillation, locking) if self.stabilization == "none" else (locking,)
 
     def _check_roles(self, mesh: Mesh) -> None:
-        expected = {role for role in (self.neck, self.ventricles, self.mre) if role}
+        expected = {role for role in (self.neck, self.ventricles, self.mre, *self.rollers) if role}
         if missing := expected - set(mesh.roles):
             raise MeshError(f"Biot: the mesh has no role {', '.join(sorted(missing))}; it has {', '.join(mesh.roles)}")
         if loose := set(mesh.roles) - expected:
@@ -199,6 +219,18 @@ class Biot(Physics):
             held["csf"][start + mesh.boundary_nodes(self.neck)] = True
             held["csf"] &= ~held["ventricles"]
         return held
+
+    def _on_rollers(self, discretization: Discretization) -> BoolArray:
+        """Dofs (n_dofs,) that rollers hold at zero, those of the neck among them where they meet."""
+        mesh, layout = discretization.mesh, discretization.layout
+        out = np.zeros(layout.n_dofs, dtype=bool)
+        for role, axes in self.rollers.items():
+            if max(axes) >= mesh.dim:
+                raise ShapeError(f"rollers: got component {max(axes)} on {role}, expected 0 to {mesh.dim - 1}")
+            nodes = mesh.boundary_nodes(role, self.displacement_order)
+            for axis in axes:
+                out[layout.component(DISPLACEMENT, axis).start + nodes] = True
+        return out
 
     def _loads(self, discretization: Discretization, held: Mapping[str, BoolArray]) -> tuple[Load, ...]:
         none, rise = np.zeros(discretization.layout.n_dofs), SmoothRamp(self.ramp) if self.ramp else Constant()
