@@ -102,7 +102,11 @@ class Background:
     def lift(self, coefficients: Array, fields: tuple[str, ...] | None = None) -> Array:
         """States (n_dofs, ...) of coefficients (r, ...); fields left out are zero."""
         names = tuple(f.name for f in self.space.fields) if fields is None else fields
-        out = np.zeros((self.space.n_dofs, *coefficients.shape[1:]))
+        shape = (self.space.n_dofs, *coefficients.shape[1:])
+        flat = coefficients.reshape(len(coefficients), -1)
+        make = np.empty if len(set(names)) == len(self.space.fields) else np.zeros
+        out = make((self.space.n_dofs, flat.shape[1]))
         for name in names:
-            out[self.space.layout.block(name)] = self.bases[name].lift(coefficients[self.block(name)])
-        return out
+            # Straight into its rows: a state is written once.
+            np.matmul(self.bases[name].basis, flat[self.block(name)], out=out[self.space.layout.block(name)])
+        return out.reshape(shape)
