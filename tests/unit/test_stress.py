@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
+from dacore.algebra.solvers import Direct
+from dacore.core.timegrid import TimeGrid
 from dacore.dynamics.march import MarchedModel
 from dacore.errors import ConvergenceError, MissingDependencyError, SceneError, ShapeError, StoreError
 from dacore.workflow.stress import needs
 from dacore.workflow.stress.case import Case, Inapplicable, Outcome, judge
 from dacore.workflow.stress.catalogue import CATALOGUE, chosen, themes
 from dacore.workflow.stress.context import open_context
+from dacore.workflow.stress.marching import Steps, march
 from dacore.workflow.stress.output import BEGIN, END, publish, tables, update
 from dacore.workflow.stress.reference import Extended, dense_solve, least_squares
 from dacore.workflow.stress.run import stress
@@ -29,7 +32,8 @@ SMALL = ("domain.edge=2.5",)
 # Verdicts on the toy ball; whatever is not named here is stable.
 EXPECTED = {
     "refused": (
-        "nu = 0.5", "no storage, no permeability", "E = NaN", "steady start, free pressure", "steady start, free body",
+        "nu = 0.5", "nu = 1/2 - 1e-12, tolerance 1e-13",
+        "no storage, no permeability", "E = NaN", "steady start, free pressure", "steady start, free body",
         "steady start, undetermined pressure",
         "Newmark beta = 1/4, gamma = 1", "Newmark beta = 1/2 - 1e-9, gamma = 1", "direct, tolerance 1e-18",
         "krylov, tolerance 1e-18", "krylov, nu = 0.499999", "direct, singular matrix", "krylov, singular matrix",
@@ -39,7 +43,7 @@ EXPECTED = {
         "all data masked, PBDW", "all data masked, minimum variance", "complex data", "transposed data", "n = m + 1",
         "n > samples", "mask leaves m < n, PBDW", "mode seen to 1e-11", "one snapshot, centred", "noise scale NaN",
         "noise scale negative", "noise of 1e-200", "noise of 1e200", "identical snapshots, PBDW",
-        "identical snapshots, minimum variance", "snapshots of rank 3, n = 4", "compression to 1e-17",
+        "identical snapshots, minimum variance", "snapshots of rank 3, n = 4",
         "snapshots of size 1e-160", "snapshots of size 1e160", "snapshot with NaN",
     ),
     "degraded": (
@@ -51,6 +55,7 @@ EXPECTED = {
 }  # fmt: skip
 # On the border between two verdicts on so coarse a mesh.
 EITHER = {
+    "compression to 1e-17": {"stable", "refused"},
     "krylov, tolerance 1e-3": {"stable", "degraded"},
     "deviation, no noise": {"stable", "degraded"},
     "locking, nu = 0.49": {"stable", "degraded"},
@@ -163,6 +168,62 @@ def test_refinement_in_extended_precision_and_its_condition_number():
     assert 1e8 < solver.condition < 1e12
     with pytest.raises(ConvergenceError, match="singular"):
         Extended(csr_array(np.outer(np.ones(4), np.arange(1.0, 5.0)))).solve(np.arange(4.0))
+
+
+@pytest.mark.parametrize("changes", [(), ("time.scheme=generalized_alpha", "time.rho_inf=0.2")])
+@pytest.mark.parametrize("gap", [1e-5, 1e-6, 1e-8, 1e-10, 1e-12])
+def test_near_incompressibility_a_residual_is_met_or_refused_and_refused_at_the_floor_of_rounding_only(
+    cache, gap, changes
+):
+    """Backward error for ν within 1e-5 of 1/2: what is answered solves its equations, to the last digits if asked."""
+    context = open_context(TOY, (*SMALL, *changes), cache)
+    values = context.parameters(nu=0.5 - gap)
+    system = Steps(context.model, values, context.scheme, context.step, 3)
+    answered = {}
+    for tolerance in 10.0 ** np.arange(-9.0, -17.0, -1.0):
+        own = MarchedModel(context.model, TimeGrid(context.step, 3), context.scheme, "zero", Direct(), tolerance)
+        try:
+            found = own.solve(values).states
+        except ConvergenceError:
+            break
+        answered[tolerance] = system.residuals(found)
+        # The right side of a scheme that solves for a moment within the step is another one there.
+        assert answered[tolerance].relative <= 3.0 * (tolerance + answered[tolerance].floor)
+    last = answered[min(answered)]
+    # One decade further is refused: below what rounding the answer leaves, times a few.
+    assert last.relative < 3.0 * last.floor
+    assert 0.1 * min(answered) < 10.0 * last.floor
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        ("time.scheme=generalized_alpha",),
+        ("time.scheme=generalized_alpha", "time.rho_inf=0.0", "physics.ramp=0.005"),
+        ("time.scheme=generalized_alpha", "time.rho_inf=1.0", "time.step=2e-4"),
+        ("time.beta=0.3025", "time.gamma=0.6", "time.first_order=newmark"),
+        (),
+    ],
+)
+def test_the_plain_march_is_that_of_the_scenes_own_scheme(cache, changes):
+    """Two codes of each scheme, after a jump and from a smooth start, agree far below what a step is worth."""
+    context = open_context(TOY, (*SMALL, *changes), cache)
+    values = context.parameters()
+    own = MarchedModel(context.model, TimeGrid(context.step, 6), context.scheme, "zero", Direct(), 1e-12)
+    expected = march(context.model, values, context.scheme, context.step, 6)
+    assert context.difference(own.solve(values).states, expected.states.astype(np.float64)) < 1e-9
+    halved = march(context.model, values, context.scheme, context.step / 2, 12)
+    assert context.difference(halved.states[:, 1::2].astype(np.float64), expected.states.astype(np.float64)) > 1e-3
+
+
+def test_bounds_of_marches_are_near_what_is_measured(context):
+    """A bound that is far above every error would excuse anything."""
+    found = {each.name: judge(each, context) for each in CATALOGUE if each.theme in ("physics", "solvers")}
+    marched = [each for each in found.values() if each.verdict == "stable" and "condition of a step" in each.note]
+    assert len(marched) >= 15
+    ratios = [each.bound / each.error for each in marched]
+    assert all(1.0 <= ratio < 40.0 for ratio in ratios), {each.case.name: each.bound / each.error for each in marched}
+    assert np.median(ratios) < 15.0
 
 
 def test_a_small_silent_error_of_dacore_is_found(context, monkeypatch):

@@ -15,12 +15,14 @@ from dacore.core.background import Background
 from dacore.core.model import AffineModel
 from dacore.core.observation import Functionals
 from dacore.core.space import StateSpace
+from dacore.dynamics.generalized_alpha import GeneralizedAlpha
 from dacore.dynamics.newmark import Newmark
 from dacore.errors import DacoreError, PluginError
 from dacore.workflow.build import Builder
 from dacore.workflow.session import Session, open_scene
 from dacore.workflow.stages import ProgressBoard
 from dacore.workflow.stress.case import Inapplicable, Refusal
+from dacore.workflow.stress.stepping import Plain
 
 T = TypeVar("T")
 
@@ -105,10 +107,12 @@ class Context:
         return self.session.model.space
 
     @cached_property
-    def scheme(self) -> Newmark:
-        """The scene's scheme if it is Newmark's, the published one otherwise."""
+    def scheme(self) -> Plain:
+        """The scene's time scheme; Inapplicable if there is no reference for it."""
         scheme = self.builder.scheme
-        return scheme if isinstance(scheme, Newmark) else Newmark()
+        if not isinstance(scheme, Newmark | GeneralizedAlpha):
+            raise Inapplicable(f"there is no reference for {scheme.label}")
+        return scheme
 
     @property
     def step(self) -> float:

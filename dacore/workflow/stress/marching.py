@@ -1,21 +1,22 @@
-"""A second, plain implementation of the forward model: Newmark's updates as they are printed, in extended precision.
+"""A second, plain implementation of the forward model: the schemes' updates as they are printed, in extended precision.
 
 It shares with dacore's own the assembled matrices and the profiles of the loads; not the elimination of
-constrained dofs, the symmetrised system, the solver, the scheme's code, nor the formulas of the material.
+constrained dofs, the symmetrised system, the solver, the schemes' code, nor the formulas of the material.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from dacore.core.arrays import Array, IntArray
+from dacore.core.arrays import Array, BoolArray, Sparse
 from dacore.core.model import AffineModel, AffineTerm
 from dacore.core.parameters import Parameters
-from dacore.dynamics.newmark import Newmark
 from dacore.workflow.stress.needs import mpmath
-from dacore.workflow.stress.reference import Extended, Long, long
+from dacore.workflow.stress.reference import EPS, Extended, Long, long
+from dacore.workflow.stress.stepping import Factors, Known, Plain, stepping
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,68 +27,151 @@ class March:
     ----------
     states : (n_dofs, t) array
     condition : float
-        Of the system of a step.
-    shares : mapping of str to float
-        For each field, how many times larger the whole scaled state is than the field's part of it: an
-        error of the whole weighs so much more on the field.
+        Of the worst system of a step.
+    system : Steps
+        The equations of the steps.
     """
 
     states: Long
     condition: float
-    shares: Mapping[str, float]
+    system: "Steps"
 
 
-def march(model: AffineModel, parameters: Parameters, scheme: Newmark, step: float, steps: int) -> March:
-    """March from rest, with what is prescribed jumping in the first step.
+def march(model: AffineModel, parameters: Parameters, scheme: Plain, step: float, steps: int) -> March:
+    """March from rest, with what is prescribed jumping in the first step unless it rises from zero.
 
     Parameters
     ----------
     model : AffineModel
     parameters : mapping of str to float
-    scheme : Newmark
+    scheme : Newmark or GeneralizedAlpha
         Only its numbers are used.
     step : float [s]
     steps : int
     """
-    n = model.space.n_dofs
-    tau, beta, gamma = np.longdouble(step), np.longdouble(scheme.beta), np.longdouble(scheme.gamma)
-    mass, damping, stiffness = (
-        _combined(terms, parameters, n) for terms in (model.second_order, model.first_order, model.zeroth_order)
-    )
-    euler = scheme.first_order == "backward_euler"
-    rate_factor = 1 / tau if euler else gamma / (beta * tau)
-    system = csr_array(mass / (beta * tau**2) + rate_factor * damping + stiffness)
-    free, held = np.flatnonzero(~model.constrained), np.flatnonzero(model.constrained)
-    solver = Extended(system[free][:, free])
-    lift = system[free][:, held]
-    amplitudes = long(model.amplitudes(parameters))
-    forces = long(np.stack([load.force for load in model.loads], axis=1))
-    values = long(np.stack([load.prescribed for load in model.loads], axis=1))
-    profiles = long(np.stack([load.profile(step * np.arange(1.0, steps + 1)) for load in model.loads]))
-    y, v, a = (np.zeros(n, dtype=np.longdouble) for _ in range(3))
-    states = np.empty((n, steps), dtype=np.longdouble)
-    for k in range(steps):
-        weights = amplitudes * profiles[:, k]
-        # ÿ₁ = (y₁ − y₀ − τẏ₀)/(βτ²) − (1 − 2β)/(2β) ÿ₀: the part known before the step.
-        known_a = -(y + tau * v) / (beta * tau**2) - (1 - 2 * beta) / (2 * beta) * a
-        known_v = -y / tau if euler else v + tau * ((1 - gamma) * a + gamma * known_a)
-        right = forces @ weights - mass @ known_a - damping @ known_v
-        new = values @ weights
-        new[free] = solver.solve(right[free] - lift @ new[held])
-        old_a, a = a, new / (beta * tau**2) + known_a
-        v = v + tau * ((1 - gamma) * old_a + gamma * a)
-        y = new
-        states[:, k] = y
-    return March(states, solver.condition, _shares(model, states, free, solver.columns))
+    system = Steps(model, parameters, scheme, step, steps)
+    states = system.solved()
+    return March(states, system.condition, system)
 
 
-def _shares(model: AffineModel, states: Long, free: IntArray, columns: Array) -> dict[str, float]:
-    scaled = np.zeros(states.shape, dtype=np.float64)
-    scaled[free] = states[free] / columns[:, None]
-    whole = float(np.linalg.norm(scaled))
-    layout = model.space.layout
-    parts = {each.name: float(np.linalg.norm(scaled[layout.block(each.name)])) for each in layout.fields}
-    return {name: whole / part if part else float("inf") for name, part in parts.items()}
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """What given states leave in the equations of the steps.
+
+    Relative numbers are in the norm of dacore's tolerance: rows scaled by D, which makes the diagonals of A and
+    of C + B diag(A)⁻¹ Bᵀ one.
+
+    Parameters
+    ----------
+    left : (free dofs, t) array
+    relative : float
+        The largest of ‖D(b − K x)‖ / ‖D b‖.
+    floor : float
+        The largest of ε ‖D |K| |x|‖ / ‖D b‖: what rounding x to double leaves of it.
+    """
+
+    left: Array
+    relative: float
+    floor: float
+
+
+class Steps:
+    """The equations of every step, from the states before it."""
+
+    def __init__(self, model: AffineModel, parameters: Parameters, scheme: Plain, step: float, steps: int) -> None:
+        n = model.space.n_dofs
+        self._terms = tuple(
+            _combined(terms, parameters, n) for terms in (model.second_order, model.first_order, model.zeroth_order)
+        )
+        self._free, self._held = np.flatnonzero(~model.constrained), np.flatnonzero(model.constrained)
+        times: Array = np.asarray(step * np.arange(steps + 1), dtype=np.float64)
+        profiles = long(np.stack([load.profile(times) for load in model.loads]))
+        weights = long(model.amplitudes(parameters))[:, None] * profiles
+        self._forces = long(np.stack([load.force for load in model.loads], axis=1)) @ weights
+        self._values = long(np.stack([load.prescribed for load in model.loads], axis=1)) @ weights
+        self._stepping = stepping(scheme, np.longdouble(step), jump=bool((profiles[:, 0] != 0).any()))
+        self._steps = steps
+        self._flow = model.antisymmetric
+        # Steps alike share a factorisation.
+        self._factored = cache(self._factorise)
+        self.condition = 0.0
+
+    def solved(self, residuals: Array | None = None) -> Long:
+        """States (n_dofs, t) that leave given residuals (free dofs, t) in the steps; none by default."""
+
+        def choose(system: _System, target: Long, k: int) -> Long:
+            return system.solver.solve(target if residuals is None else target - long(residuals[:, k]))
+
+        return self._walk(choose)
+
+    def residuals(self, found: Array) -> Residuals:
+        """What states (n_dofs, t) leave in the steps, each starting from the states before it."""
+        left = np.zeros((len(self._free), self._steps))
+        relative, floor = np.zeros(self._steps), np.zeros(self._steps)
+
+        def choose(system: _System, target: Long, k: int) -> Long:
+            mine = long(found[self._free, k])
+            left[:, k] = np.asarray(target - system.matrix @ mine, dtype=np.float64)
+            size = np.linalg.norm(np.asarray(system.scale * target, dtype=np.float64))
+            gap = np.linalg.norm(system.scale * left[:, k])
+            relative[k] = gap / size if size else float(gap > 0)
+            rounded = np.linalg.norm(system.scale * (system.sizes @ np.abs(found[self._free, k])))
+            floor[k] = EPS * rounded / size if size else 0.0
+            return mine
+
+        self._walk(choose)
+        return Residuals(left, float(relative.max()), float(floor.max()))
+
+    def _walk(self, choose: "Callable[[_System, Long, int], Long]") -> Long:
+        n = len(self._forces)
+        known = Known(*(np.zeros(n, dtype=np.longdouble) for _ in range(4)))
+        states = np.empty((n, self._steps), dtype=np.longdouble)
+        mass, damping, stiffness = self._terms
+        for k in range(self._steps):
+            factors = self._stepping.factors(k)
+            system = self._factored(factors)
+            w = factors.weight
+            # Everything but y₁ in M ÿ_* + C ẏ_* + A y_* = F_*.
+            right = (1 - w) * self._forces[:, k] + w * self._forces[:, k + 1]
+            history = self._stepping.history(known, k)
+            right = right - mass @ history.acceleration - damping @ history.rate - stiffness @ history.value
+            new = self._values[:, k + 1].copy()
+            new[self._free] = choose(system, right[self._free] - system.lift @ new[self._held], k)
+            known = self._stepping.advance(known, new, k)
+            states[:, k] = new
+        return states
+
+    def _factorise(self, factors: Factors) -> "_System":
+        mass, damping, stiffness = self._terms
+        rows = csr_array(factors.mass * mass + factors.rate * damping + factors.weight * stiffness)[self._free]
+        matrix = csr_array(rows[:, self._free])
+        solver = Extended(matrix)
+        self.condition = max(self.condition, solver.condition)
+        # The flow's rows are divided by the rate's factor, as they are where the system is symmetric.
+        flow = self._flow[self._free]
+        double = csr_array(matrix, dtype=np.float64)
+        scale = _scales(double, flow, float(factors.rate))
+        return _System(matrix, abs(double), solver, csr_array(rows[:, self._held]), scale)
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """One step's matrix on the free dofs, sizes of its entries, its solver, what multiplies held dofs, rows' scale."""
+
+    matrix: Sparse
+    sizes: Sparse
+    solver: Extended
+    lift: Sparse
+    scale: Array
+
+
+def _scales(matrix: Sparse, flow: BoolArray, rate: float) -> Array:
+    diagonal = np.abs(matrix.diagonal())
+    diagonal[flow] /= rate
+    if flow.any() and not flow.all():
+        coupling = csr_array(matrix[flow][:, ~flow]) / rate
+        diagonal[flow] += np.asarray((coupling**2) @ (1.0 / diagonal[~flow])).ravel()
+    return np.asarray(np.where(flow, 1.0 / rate, 1.0) / np.sqrt(diagonal))
 
 
 def _combined(terms: tuple[AffineTerm, ...], parameters: Parameters, n: int) -> csr_array:

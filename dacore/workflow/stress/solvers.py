@@ -10,14 +10,17 @@ from dacore.dynamics.march import MarchedModel
 from dacore.workflow.stress.case import CEILING, Case, Outcome
 from dacore.workflow.stress.context import Context
 from dacore.workflow.stress.marching import march
-from dacore.workflow.stress.physics import STEPS, compare, outcome
+from dacore.workflow.stress.physics import SLACK, STEPS, compare, outcome
+
+# An iteration ends with a residual of what it finds hardest, which does more than one of random signs.
+_ITERATED = 3.0 * SLACK
 
 
-def _solved(solver: str, tolerance: float, factor: float = 1.0, **changes: float) -> Any:
+def _solved(solver: str, tolerance: float, factor: float = 1.0, slack: float = SLACK, **changes: float) -> Any:
     def run(context: Context) -> Outcome:
         method = context.plugin("solver", solver)()
         values = context.parameters(**changes)
-        return compare(context, context.model, values, factor * context.step, method, tolerance)
+        return compare(context, context.model, values, factor * context.step, method, tolerance, slack=slack)
 
     return run
 
@@ -92,7 +95,7 @@ CASES = (
         "solvers",
         "a static problem, iterated",
         "inertia no longer helps",
-        _solved("krylov", 1e-10, 1e6),
+        _solved("krylov", 1e-10, 1e6, _ITERATED),
     ),
     Case(
         "direct, singular matrix",
