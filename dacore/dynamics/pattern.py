@@ -2,54 +2,145 @@
 
 Adding sparse matrices merges their patterns anew each time; for many samples of a parameter this
 costs more than the numbers. Here the union of the patterns is made once, and a sum is a sum of
-value vectors.
+value vectors. No value is copied: of every matrix only the place of its entries is kept, and matrices
+of one pattern share that.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from dacore.core.arrays import Array, IntArray, Sparse
 from dacore.errors import ShapeError
 
+Places = NDArray[np.int32]
+
 
 class PatternSum:
-    """Σ_i c_i · T_i for fixed matrices T_i of one shape.
+    """Two blocks of Σ_i c_i · T_i for fixed matrices T_i of one shape: some rows, and two sets of columns of them.
 
     Parameters
     ----------
-    matrices : sequence of (r, n) csr_array
-    shape : (r, n)
+    matrices : sequence of (n, n) csr_array
+        With sorted column indices and no entry twice; kept, not copied.
+    shape : (int, int)
+        Of every matrix.
+    rows : (r,) int array
+        The rows that are summed, increasing.
+    columns : sequence of (c,) int arrays
+        The columns of each block, increasing; no column is in two.
     """
 
-    def __init__(self, matrices: Sequence[Sparse], shape: tuple[int, int]) -> None:
-        union = csr_array(shape, dtype=np.float64)
-        clean = []
-        for matrix in matrices:
-            if matrix.shape != shape:
-                raise ShapeError(f"matrices of a sum: got shape {matrix.shape}, expected {shape}")
-            canonical = csr_array(matrix, copy=True)
-            canonical.sum_duplicates()
-            canonical.sort_indices()
-            clean.append(canonical)
-            ones = csr_array((np.ones(canonical.nnz), canonical.indices, canonical.indptr), shape=shape)
-            union = csr_array(union + ones)
-        union.sort_indices()
-        keys = _keys(union)
-        self._indices, self._indptr, self._shape = union.indices, union.indptr, shape
-        self._values: list[Array] = [matrix.data for matrix in clean]
-        self._places: list[IntArray] = [np.searchsorted(keys, _keys(matrix)) for matrix in clean]
+    def __init__(
+        self, matrices: Sequence[Sparse], shape: tuple[int, int], rows: IntArray, columns: Sequence[IntArray]
+    ) -> None:
+        self._matrices = tuple(_canonical(matrix, shape) for matrix in matrices)
+        inside = np.zeros(shape[0], dtype=bool)
+        inside[rows] = True
+        # Columns in the order of the blocks, so that a row of the sum is a row of each block in turn.
+        order = np.concatenate(columns)
+        number = np.full(shape[1], len(order), dtype=np.int32)
+        number[order] = np.arange(len(order), dtype=np.int32)
+        union = _union(self._matrices, shape, rows, number, len(order))
+        starts = np.cumsum([0, *map(len, columns)])
+        self._shapes = [(len(rows), len(block)) for block in columns]
+        block = np.searchsorted(starts, union.indices, side="right") - 1
+        self._patterns = []
+        # Entry e of the union is entry `offset[e]` of the blocks' values, one block after the other.
+        offset, begin = np.empty(union.nnz, dtype=np.int32), 0
+        for index, start in enumerate(starts[:-1]):
+            chosen = block == index
+            count = int(chosen.sum())
+            offset[chosen] = np.arange(begin, begin + count, dtype=np.int32)
+            ends = np.concatenate([[0], np.cumsum(chosen)])[union.indptr]
+            self._patterns.append(((union.indices[chosen] - start).astype(np.int32), ends.astype(np.int32)))
+            begin += count
+        self._size = begin
+        self._places = _places(self._matrices, union, offset, inside, number, begin)
 
-    def combine(self, coefficients: Array) -> Sparse:
-        """Return Σ_i c_i T_i (r, n) for coefficients (k,)."""
-        data = np.zeros(len(self._indices))
-        for coefficient, values, places in zip(coefficients, self._values, self._places, strict=True):
-            data[places] += coefficient * values
-        return csr_array((data, self._indices, self._indptr), shape=self._shape)
+    def combine(self, coefficients: Array) -> list[Sparse]:
+        """Return the blocks (r, c) of Σ_i c_i T_i for coefficients (k,)."""
+        # What lies outside the blocks is gathered in one more entry.
+        data = np.zeros(self._size + 1)
+        for coefficient, matrix, places in zip(coefficients, self._matrices, self._places, strict=True):
+            if coefficient:
+                data[places] += coefficient * matrix.data
+        blocks, begin = [], 0
+        for (indices, indptr), shape in zip(self._patterns, self._shapes, strict=True):
+            block = csr_array((data[begin : begin + len(indices)], indices, indptr), shape=shape)
+            block.has_canonical_format = True
+            blocks.append(block)
+            begin += len(indices)
+        return blocks
 
 
-def _keys(matrix: Sparse) -> IntArray:
+def _canonical(matrix: Sparse, shape: tuple[int, int]) -> Sparse:
+    if matrix.shape != shape:
+        raise ShapeError(f"matrices of a sum: got shape {matrix.shape}, expected {shape}")
+    matrix = csr_array(matrix)
+    if matrix.has_canonical_format:
+        return matrix
+    matrix = matrix.copy()
+    matrix.sum_duplicates()
+    return matrix
+
+
+def _union(matrices: Sequence[Sparse], shape: tuple[int, int], rows: IntArray, number: Places, width: int) -> Sparse:
+    """Pattern of all matrices: the chosen rows, columns renumbered and those with no number left out."""
+    union = csr_array(shape, dtype=np.int8)
+    for matrix in _distinct(matrices):
+        ones = csr_array((np.ones(matrix.nnz, dtype=np.int8), matrix.indices, matrix.indptr), shape=shape)
+        union = csr_array(union + ones)
+        union.data[:] = 1  # so that no sum overflows
+    union = csr_array(union[rows])
+    columns = number[union.indices]
+    kept = columns < width
+    indptr = np.concatenate([[0], np.cumsum(kept)])[union.indptr]
+    union = csr_array((np.ones(int(kept.sum()), dtype=np.int8), columns[kept], indptr), shape=(len(rows), width))
+    union.sort_indices()
+    return union
+
+
+def _places(
+    matrices: Sequence[Sparse], union: Sparse, offset: Places, inside: NDArray[Any], number: Places, outside: int
+) -> list[Places]:
+    """Place of each matrix's entries among the values of the blocks; `outside` for what is in none."""
+    keys = _keys(np.arange(union.shape[0]), np.diff(union.indptr), union.indices, union.shape[1])
+    position = np.cumsum(inside) - 1
+    found: list[Places] = []
+    for index, matrix in enumerate(matrices):
+        same = next((i for i in range(index) if _same(matrices[i], matrix)), None)
+        if same is not None:
+            found.append(found[same])
+            continue
+        places = np.full(matrix.nnz, outside, dtype=np.int32)
+        chosen = np.repeat(inside, np.diff(matrix.indptr)) & (number[matrix.indices] < union.shape[1])
+        rows = np.repeat(position, np.diff(matrix.indptr))[chosen]
+        wanted = rows * union.shape[1] + number[matrix.indices[chosen]]
+        places[chosen] = offset[np.searchsorted(keys, wanted)]
+        found.append(places)
+    return found
+
+
+def _keys(rows: IntArray, counts: IntArray, columns: NDArray[Any], width: int) -> IntArray:
     """One number for each stored entry, increasing in canonical order."""
-    rows = np.repeat(np.arange(matrix.shape[0], dtype=np.int64), np.diff(matrix.indptr))
-    return np.asarray(rows * matrix.shape[1] + matrix.indices, dtype=np.int64)
+    return np.asarray(np.repeat(rows.astype(np.int64), counts) * width + columns, dtype=np.int64)
+
+
+def _same(one: Sparse, other: Sparse) -> bool:
+    """Whether two matrices have one pattern."""
+    if one.nnz != other.nnz or not np.array_equal(one.indptr, other.indptr):
+        return False
+    return one.indices is other.indices or bool(np.array_equal(one.indices, other.indices))
+
+
+def _distinct(matrices: Sequence[Sparse]) -> list[Sparse]:
+    """One matrix of each pattern."""
+    found: list[Sparse] = []
+    for matrix in matrices:
+        if not any(_same(other, matrix) for other in found):
+            found.append(matrix)
+    return found

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array, dia_array
 
+from dacore.algebra.linear_solver import product
 from dacore.core.arrays import Array, BoolArray, IntArray, Sparse
 from dacore.core.model import AffineModel, Load
 from dacore.core.parameters import Parameters
@@ -19,6 +20,7 @@ from dacore.dynamics.scheme import Scheme, State, StepRule
 from dacore.errors import AccuracyError, ShapeError
 
 _SYMMETRY_TOLERANCE = 1e-10
+_CHECKED_ROWS = 25_000
 
 
 class StepSystem:
@@ -64,11 +66,10 @@ class StepSystem:
         self.prescribed = stack([load.prescribed for load in model.loads], model.space.n_dofs)[self.constrained]
         self.forces = stack([load.force for load in model.loads], model.space.n_dofs)[self.free]
         self._orders = (model.second_order, model.first_order, model.zeroth_order)
-        second, first, zeroth = ([csr_array(t.matrix[self.free]) for t in terms] for terms in self._orders)
-        self._moving = (second, first)
-        rows, n = [*second, *first, *zeroth], self.free.size
-        self._sum = PatternSum([block[:, self.free] for block in rows], (n, n))
-        self._lift = PatternSum([block[:, self.constrained] for block in rows], (n, self.constrained.size))
+        # The model's own matrices, not their free rows: that would be a copy.
+        terms = (*model.second_order, *model.first_order, *model.zeroth_order)
+        n = model.space.n_dofs
+        self._sum = PatternSum([term.matrix for term in terms], (n, n), self.free, (self.free, self.constrained))
         self.middle = {p.name: float(p.quantile(np.array(0.5))) for p in model.parameters.parameters}
         _check_symmetry(self.at(self.middle).matrix, self.definite)
 
@@ -80,15 +81,12 @@ class StepSystem:
             [rule.mass_factor * coefficients[0], rule.rate_factor * coefficients[1], coefficients[2]]
         )
         scale = np.where(self.definite, 1.0, -1.0 / rule.rate_factor)
-        return Step(
-            self,
-            rule,
-            scale,
-            scale_rows(self._sum.combine(factors), scale),
-            scale_rows(self._lift.combine(factors), scale),
-            tuple(zip(coefficients[0], self._moving[0], strict=True)),
-            tuple(zip(coefficients[1], self._moving[1], strict=True)),
+        matrix, lift = self._sum.combine(factors)
+        second, first = (
+            tuple((value, term.matrix) for value, term in zip(values, terms, strict=True))
+            for values, terms in zip(coefficients[:2], self._orders[:2], strict=True)
         )
+        return Step(self, rule, scale, scale_rows(matrix, scale), scale_rows(lift, scale), second, first)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +103,8 @@ class Step:
         Symmetric quasi-definite.
     lift : (n_free, n_dofs − n_free) csr_array
         The columns of the constrained dofs.
-    second, first : tuple of (float, (n_free, n_dofs) csr_array)
-        Coefficients and unscaled rows of the terms of M and C.
+    second, first : tuple of (float, (n_dofs, n_dofs) csr_array)
+        Coefficients and matrices of the terms of M and C.
     """
 
     system: StepSystem
@@ -146,8 +144,8 @@ class Step:
         for terms, histories in ((self.second, scheme.mass_history), (self.first, scheme.rate_history)):
             if terms:
                 history = histories(old, length)
-                for coefficient, rows in terms:
-                    total += coefficient * (rows @ history)
+                for coefficient, matrix in terms:
+                    total += coefficient * product(matrix, history)[self.system.free]
         return np.asarray(self.scale[:, None] * total - self.lift @ self.target(old, weights))
 
     def take(self, solver: LinearSolver, old: State, weights: Array, before: Array, step: float) -> State:
@@ -186,7 +184,10 @@ def _check_symmetry(matrix: Sparse, definite: BoolArray) -> None:
     scale = 1.0 / np.sqrt(np.abs(diagonal))
     unit = dia_array((scale[None, :], [0]), shape=matrix.shape)
     scaled = csr_array(unit @ matrix @ unit)
-    error = float(np.abs((scaled - scaled.T).data).max(initial=0.0))
+    error = 0.0
+    for begin in range(0, len(scale), _CHECKED_ROWS):  # differences of the whole would be as large as the matrix
+        part = slice(begin, begin + _CHECKED_ROWS)
+        error = max(error, float(np.abs((scaled[part] - scaled[:, part].T).data).max(initial=0.0)))
     if error > _SYMMETRY_TOLERANCE * float(np.abs(scaled.data).max()):
         raise AccuracyError(
             f"step matrix: unsymmetric by {error:.1e} after scaling; every step must be symmetric: mark the rows "

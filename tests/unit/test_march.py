@@ -468,15 +468,26 @@ def test_energy_of_generalised_alpha_is_lost_to_seepage_and_to_damping_alone(rho
     assert left == pytest.approx(1.0, rel=1e-8) if rho == 1 and mobility == 0 else left < 0.9
 
 
-def test_sum_on_one_pattern_equals_the_sum():
+def test_sum_on_one_pattern_equals_the_sum_of_the_blocks():
     rng = np.random.default_rng(0)
-    blocks = [csr_array(np.where(rng.random((7, 5)) < 0.3, rng.standard_normal((7, 5)), 0.0)) for _ in range(4)]
-    weights = rng.standard_normal(4)
-    expected = sum(w * b.toarray() for w, b in zip(weights, blocks, strict=True))
-    np.testing.assert_allclose(PatternSum(blocks, (7, 5)).combine(weights).toarray(), expected, atol=1e-14)
-    assert PatternSum([], (7, 5)).combine(np.zeros(0)).nnz == 0
+    terms = [csr_array(np.where(rng.random((8, 8)) < 0.4, rng.standard_normal((8, 8)), 0.0)) for _ in range(4)]
+    terms.append(terms[1] * 2.0)  # the same pattern
+    terms.append(csr_array((np.array([1.0, 2.0, 4.0]), np.array([3, 0, 3]), np.array([0, 0, 3, *[3] * 6])), (8, 8)))
+    rows, left, right = np.array([0, 1, 4, 6]), np.array([0, 3, 6]), np.array([1, 2, 7])
+    before = [term.toarray() for term in terms]
+    total = PatternSum(terms, (8, 8), rows, (left, right))
+    for weights in (rng.standard_normal(6), np.array([1.0, 0.0, 0.0, 2.0, 0.0, 0.0])):
+        expected = sum(w * t for w, t in zip(weights, before, strict=True))
+        for block, columns in zip(total.combine(weights), (left, right), strict=True):
+            np.testing.assert_allclose(block.toarray(), expected[np.ix_(rows, columns)], atol=1e-14)
+            checked = csr_array((block.data, block.indices, block.indptr), block.shape)
+            assert checked.has_canonical_format
+    for term, values in zip(terms, before, strict=True):
+        np.testing.assert_array_equal(term.toarray(), values)
+    empty = PatternSum([], (8, 8), rows, (left, right[:0]))
+    assert [(block.shape, block.nnz) for block in empty.combine(np.zeros(0))] == [((4, 3), 0), ((4, 0), 0)]
     with pytest.raises(ShapeError, match="matrices of a sum"):
-        PatternSum(blocks, (5, 7))
+        PatternSum(terms, (5, 7), rows, (left, right))
 
 
 def test_profiles():
