@@ -207,6 +207,8 @@ class MarchedModel(ForwardModel):
         done = 0
         for k, (length, keep) in enumerate(zip(grid.lengths.tolist(), grid.recorded, strict=True)):
             if (new := self.scheme.rule(state, length)) != rule:
+                if rule is not None:
+                    del step, solver  # never two of them in memory
                 rule, step = new, system.at(parameters, new)
                 solver = prepared(self.method, step.matrix, system.definite, self.tolerance, self.analysis)
             state = step.take(solver, state, profiles[:, k + 1], profiles[:, k], length)
