@@ -1,9 +1,11 @@
 """Items to the workers of a dask client, no more at once than they can take, and results back."""
 
+import os
 import secrets
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
+from contextlib import contextmanager
 from typing import Any
 
 import cloudpickle
@@ -35,15 +37,32 @@ def stream(
     """
     token = f"dacore-{secrets.token_hex(8)}"
     _Crew(client, token).wait_for_one()
-    try:
-        _deliver(client, token, shared, beside)
-        yield from _results(client, token, function, items, describe)
-    finally:
-        _take_back(client, token)
+    with _packed(shared, beside) as payload:
+        try:
+            _deliver(client, token, payload, beside)
+            del payload
+            yield from _results(client, token, function, items, describe)
+        finally:
+            _take_back(client, token)
 
 
-def _deliver(client: Client, token: str, shared: Any, beside: bool) -> None:
-    payload = cloudpickle.dumps(shared)
+@contextmanager
+def _packed(shared: Any, beside: bool) -> Iterator[bytes | str]:
+    """The shared object as bytes for other machines, or as a file in memory that processes of this one read.
+
+    Through the scheduler, which is a part of this process, it would be held several times. The file has
+    no name that could be left behind.
+    """
+    if not beside:
+        yield cloudpickle.dumps(shared)
+        return
+    with os.fdopen(os.memfd_create("dacore"), "wb") as file:
+        cloudpickle.dump(shared, file)
+        file.flush()
+        yield f"/proc/{os.getpid()}/fd/{file.fileno()}"
+
+
+def _deliver(client: Client, token: str, payload: bytes | str, beside: bool) -> None:
     try:
         client.register_plugin(Delivery(token, payload, {} if beside else fingerprints()), name=token)
         told = client.run(refusal, token)

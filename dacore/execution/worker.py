@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import cloudpickle
@@ -44,13 +45,14 @@ class Delivery(WorkerPlugin):  # type: ignore[misc]
     ----------
     token : str
         Which run it is for.
-    payload : bytes
-        The shared object, pickled: unpickled here, where what goes wrong can be told.
+    payload : bytes or str
+        The shared object, pickled, or the path of a file with it: unpickled here, where what goes wrong can
+        be told.
     wanted : dict of str to str
         Fingerprints of dacore and its plugins where the run was started; empty for processes beside it.
     """
 
-    def __init__(self, token: str, payload: bytes, wanted: dict[str, str]) -> None:
+    def __init__(self, token: str, payload: bytes | str, wanted: dict[str, str]) -> None:
         self.token, self.payload, self.wanted = token, payload, wanted
 
     def setup(self, worker: Any) -> None:
@@ -59,7 +61,7 @@ class Delivery(WorkerPlugin):  # type: ignore[misc]
         refusal = self._unfit(worker)
         if not refusal:
             try:
-                _held[self.token].shared = pickle.loads(self.payload)
+                _held[self.token].shared = _unpacked(self.payload)
             except Exception as error:  # noqa: BLE001
                 refusal = _unreadable(error)
         _held[self.token].refusal = refusal
@@ -107,6 +109,13 @@ def refusal(token: str) -> str:
 def begun(token: str) -> list[int]:
     """Return the numbers of the items that were begun here."""
     return sorted(_held[token].begun) if token in _held else []
+
+
+def _unpacked(payload: bytes | str) -> Any:
+    if isinstance(payload, bytes):
+        return pickle.loads(payload)
+    with Path(payload).open("rb") as file:
+        return pickle.load(file)
 
 
 def _unreadable(error: Exception) -> str:
