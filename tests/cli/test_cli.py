@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -41,11 +42,16 @@ def test_plugins_lists_our_own():
         assert name in done.stdout
 
 
-def test_plan_starts_nothing(tmp_path):
+def test_plan_starts_nothing_and_says_what_it_would_take(tmp_path):
     done = dacore("plan", TOY, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert "training" in done.stdout
+    assert re.search(r"in all +\d+ (s|min) +\d+ MiB", done.stdout)
+    assert "this cache has not measured anything yet" in done.stdout
     assert not (tmp_path / "out").exists()
+    done = dacore("plan", TOY, "--out", tmp_path / "out", "--fresh", "moods")
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: --fresh: got 'moods', expected all, or any of domain, model")
 
 
 @pytest.mark.parametrize(
