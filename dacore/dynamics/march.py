@@ -173,8 +173,36 @@ class MarchedModel(ForwardModel):
         chosen = tuple(every if loads is None else loads)
         if unknown := [name for name in chosen if name not in every]:
             raise ShapeError(f"loads: got {', '.join(unknown)}, expected any of {', '.join(every)}")
-        states = self._march(parameters, np.eye(len(every))[:, [every.index(name) for name in chosen]])
+        states = self.motions(parameters, np.eye(len(every))[:, [every.index(name) for name in chosen]])
         return Responses(chosen, states, self.times)
+
+    def motions(self, parameters: Parameters, amplitudes: Array) -> Array:
+        """Solve for several combinations of the loads, with one solver set-up for all of them.
+
+        Parameters
+        ----------
+        parameters : mapping of str to float
+            The loads' own amplitudes in it have no influence.
+        amplitudes : (n_loads, k) array
+            Amplitude of each load in each combination.
+
+        Returns
+        -------
+        (k, n_dofs, t) array
+            States at the recorded times.
+
+        Raises
+        ------
+        ShapeError, ConvergenceError
+            As `solve`.
+        """
+        self._check(parameters)
+        if np.ndim(amplitudes) != 2 or len(amplitudes) != len(self.model.loads):
+            raise ShapeError(
+                f"amplitudes: got shape {np.shape(amplitudes)}, expected ({len(self.model.loads)}, k) for the loads "
+                f"{', '.join(load.name for load in self.model.loads)}"
+            )
+        return self._march(parameters, np.asarray(amplitudes, dtype=np.float64))
 
     def march(self, parameters: Parameters, start: State) -> Trajectory:
         """Solve from a state of your own at t = 0, one column; `dacore.dynamics.static` completes smooth ones."""

@@ -1,0 +1,104 @@
+"""From reduced trajectories to the background of estimation: POD of coefficients, never of snapshots.
+
+The modes and the prescribed values of the loads together span all trajectories. Orthonormalised, they make
+coordinates in which the inner product of each field is the Euclidean one; the POD of the samples there is a
+decomposition of an (r_f, r_f) array, whatever the number of samples and steps.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.linalg import eigh, qr
+
+from dacore.core.arrays import Array
+from dacore.core.background import Background
+from dacore.core.parameters import ParameterSpace
+from dacore.core.reduced import ReducedSpace, relative_tails
+from dacore.core.space import StateSpace
+from dacore.reduction.galerkin import Galerkin
+
+# A load whose values the modes and the other loads hold to this share adds a direction of round-off only.
+_SAME = 1e-9
+
+
+def background_of(
+    space: StateSpace,
+    galerkin: Galerkin,
+    lift_products: Mapping[str, Array],
+    states: Array,
+    times: Array,
+    parameters: ParameterSpace,
+    samples: Array,
+    tolerance: float,
+) -> tuple[Background, Array]:
+    """Build the background of reduced trajectories.
+
+    Parameters
+    ----------
+    space : StateSpace
+    galerkin : Galerkin
+        Holds the modes.
+    lift_products : mapping of str to (r_f, n_loads) array
+        Inner products of the modes with the loads' prescribed values.
+    states : (r + n_loads, t, K) array
+    times : (t,) array [s]
+    parameters : ParameterSpace
+    samples : (K, n_parameters) array
+    tolerance : float
+        Relative mean-square error that the POD of each field may leave.
+
+    Returns
+    -------
+    Background
+    onto : (r_b, r + n_loads) array
+        From reduced states to the background's coefficients.
+    """
+    split = galerkin.split
+    modes = galerkin.dimension
+    bases, rows, reached, start = {}, [], {}, 0
+    for name in split.fields:
+        size = galerkin.sizes[name]
+        extra, change = _lifted(galerkin, space, name, lift_products[name])
+        # Coordinates of (a_f, w) in the modes and what the loads add to them.
+        local = np.zeros((size + extra.shape[1], states.shape[0]))
+        local[:size, start : start + size] = np.eye(size)
+        local[:size, modes:] = lift_products[name]
+        local[size:, modes:] = change
+        start += size
+        data = np.tensordot(local, states, axes=1).reshape(len(local), -1)
+        vectors, values = _principal(data)
+        tails = relative_tails(values)
+        keep = max(int(np.argmax(tails <= tolerance)), 1)
+        full = np.zeros((space.layout.block(name).stop - space.layout.block(name).start, keep))
+        full[split.free[name]] = galerkin.bases[name] @ vectors[:size, :keep]
+        full += extra @ vectors[size:, :keep]
+        bases[name] = ReducedSpace(full, values, space.field_product(name, split.kind))
+        reached[name] = float(tails[keep])
+        rows.append(vectors[:, :keep].T @ local)
+    onto = np.concatenate(rows)
+    coefficients = np.tensordot(onto, states, axes=1)
+    return Background(space, bases, coefficients, times, parameters, samples, split.kind, reached), onto
+
+
+def _lifted(galerkin: Galerkin, space: StateSpace, name: str, products: Array) -> tuple[Array, Array]:
+    """Orthonormal directions (n_field, l) that the prescribed values add to the modes, and their share (l, n_loads)."""
+    split = galerkin.split
+    values = split.prescribed[name].copy()
+    size = np.sqrt(np.maximum(np.einsum("ij,ij->j", values, space.field_product(name, split.kind) @ values), 0.0))
+    values[split.free[name]] -= galerkin.bases[name] @ products
+    product = space.field_product(name, split.kind)
+    unit = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    gram = unit[:, None] * (values.T @ (product @ values)) * unit[None, :]
+    squares, vectors = eigh(gram)
+    new = squares > _SAME**2
+    directions = (values * unit) @ (vectors[:, new] / np.sqrt(squares[new]))
+    change = np.sqrt(squares[new])[:, None] * vectors[:, new].T * size[None, :]
+    return directions, change
+
+
+def _principal(data: Array) -> tuple[Array, Array]:
+    """Left singular vectors and values of data (r, k), exact to round-off, without the right ones."""
+    if data.shape[1] > data.shape[0]:
+        data = qr(data.T, mode="r", check_finite=False)[0][: data.shape[0]].T
+    vectors, values, _ = np.linalg.svd(data, full_matrices=False)
+    return vectors, values

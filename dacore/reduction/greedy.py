@@ -1,0 +1,332 @@
+"""Which trajectories to solve in full, and when there are enough: POD-greedy with an estimate of the error.
+
+Each round marches the reduced model for the candidates, estimates the error of each by the indicator
+(`dacore.reduction.indicator`) times a factor, and solves those of the largest estimate in full. Before their motions
+enter the basis, their true error is known: it gives the factor of the next round, and shows how good the
+estimate was. Source of the greedy: Haasdonk and Ohlberger, M2AN 42 (2008) 277.
+"""
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dacore.algebra.pod import pod
+from dacore.core.arrays import Array, IntArray
+from dacore.core.model import Trajectory
+from dacore.core.parameters import ParameterSpace
+from dacore.core.space import Product
+from dacore.dynamics.march import MarchedModel
+from dacore.errors import AccuracyError, CapabilityError, ShapeError
+from dacore.reduction.galerkin import Galerkin
+from dacore.reduction.indicator import random_tests
+from dacore.reduction.march import Balance
+from dacore.reduction.model import ReducedModel
+from dacore.reduction.motions import Motions, features, spread
+from dacore.reduction.split import SplitModel
+
+logger = logging.getLogger(__name__)
+
+# Modes may leave this share of the tolerance of each motion; the coupling of the fields amplifies what they leave.
+MODE_SHARE = 3e-2
+# Between rounds only some of the samples are candidates; all of them are checked before the end.
+CANDIDATES = 64
+# Share of the tolerance that the modes kept at the end may leave of the candidates' trajectories, which need far
+# fewer of them than the motions of single loads do.
+COMPRESSED = 1e-2
+# The factor is the largest of so many samples, and no estimate counts before there are as many.
+CALIBRATING = 4
+# Errors of unseen samples reach about 1.6 times what the factor of the last few says.
+SAFETY = 2.0
+_FLOOR = 1e-9
+
+Read = Callable[[Sequence[int]], Sequence[Trajectory]]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of reduced training.
+
+    Parameters
+    ----------
+    tolerance : float
+        Largest estimated relative space–time error of any field of any sample.
+    most : int
+        Trajectories in full at most.
+    seed : int
+        Of the random tests.
+    kind : {"l2", "h1"}
+        Inner product of the fields.
+    first, batch : int
+        Trajectories of the first round, and of each later one. Those of a round are solved at the same time;
+        the larger it is, the more of them tell the same.
+    """
+
+    tolerance: float = 1e-4
+    most: int = 64
+    seed: int = 1
+    kind: Product = "l2"
+    first: int = 4
+    batch: int = 2
+
+    def __post_init__(self) -> None:
+        if self.most < self.first + CALIBRATING:
+            raise ShapeError(
+                f"training.most: got {self.most}, expected at least {self.first + CALIBRATING} trajectories, the last "
+                f"{CALIBRATING} of which measure the error"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """What one round of the greedy found.
+
+    Parameters
+    ----------
+    solved : tuple of int
+        Samples solved in full in this round.
+    modes : mapping of str to int
+        Modes of each field afterwards.
+    true, estimated : (n_fields, b) array
+        Relative errors of the samples before their motions entered; NaN where nothing was known.
+    worst : (n_fields,) array
+        Largest estimate over the candidates when they were chosen; NaN in the first round.
+    """
+
+    solved: tuple[int, ...]
+    modes: Mapping[str, int]
+    true: Array
+    estimated: Array
+    worst: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedTraining:
+    """A trained reduced model and how it came about.
+
+    Parameters
+    ----------
+    model : ReducedModel
+    rounds : tuple of Round
+    solved : (k,) int array
+        Samples solved in full, in the order of the greedy.
+    galerkin : Galerkin
+        Holds the modes.
+    states : (r + n_loads, t, K) array
+        Reduced trajectories of all samples.
+    estimates : (n_fields, K) array
+        Estimated relative space–time error of each.
+    """
+
+    model: ReducedModel
+    galerkin: Galerkin
+    rounds: tuple[Round, ...]
+    solved: IntArray
+    states: Array
+    estimates: Array
+
+
+def train(
+    model: MarchedModel,
+    motions: Motions,
+    parameters: ParameterSpace,
+    samples: Array,
+    read: Read,
+    settings: Settings,
+    progress: Callable[[int, float], None] | None = None,
+) -> ReducedTraining:
+    """Train a reduced model on as few full solves as its tolerance needs.
+
+    Parameters
+    ----------
+    model : MarchedModel
+    motions : Motions
+        Of `model`, with the amplitudes of the samples.
+    parameters : ParameterSpace
+        Names the columns of `samples`.
+    samples : (K, n_parameters) array
+    read : callable
+        Takes numbers of samples, returns their motions; solves those that are not kept yet.
+    settings : Settings
+    progress : callable, optional
+        Called after each round with the number of full solves and the largest estimate.
+
+    Raises
+    ------
+    AccuracyError
+        If ``settings.most`` trajectories do not suffice.
+    CapabilityError
+        If the model cannot be projected field by field, or there are too few samples to measure errors on.
+    """
+    if len(samples) < settings.first + CALIBRATING:
+        raise CapabilityError(
+            f"reduced training: got {len(samples)} samples, expected at least {settings.first + CALIBRATING} to "
+            "measure its errors on; set training.method = 'full'"
+        )
+    return _Greedy(model, motions, parameters, samples, read, settings, progress).run()
+
+
+class _Greedy:
+    def __init__(
+        self,
+        model: MarchedModel,
+        motions: Motions,
+        parameters: ParameterSpace,
+        samples: Array,
+        read: Read,
+        settings: Settings,
+        progress: Callable[[int, float], None] | None,
+    ) -> None:
+        self.motions, self.read, self.settings, self.progress = motions, read, settings, progress
+        self.split = SplitModel(model.model, settings.kind)
+        self.galerkin = Galerkin(self.split)
+        self.points = [parameters.as_mapping(row) for row in samples]
+        self.coefficients = self.split.coefficients(self.points)
+        self.amplitudes = self.split.amplitudes(self.points)
+        self.features = features(self.coefficients)
+        self.sketch = random_tests(model, self.split, settings.seed)
+        self.marched = model
+        self.share = MODE_SHARE * settings.tolerance
+        self.factors: list[Array] = []
+        self.solved: list[int] = []
+        self.rounds: list[Round] = []
+        self._made: ReducedModel | None = None
+
+    @property
+    def model(self) -> ReducedModel:
+        """The reduced model on the modes, and with the factor, there are now."""
+        if self._made is None:
+            self._made = ReducedModel.of(self.marched, self.galerkin, self.sketch.tested(self.galerkin), self._factor)
+        return self._made
+
+    def run(self) -> ReducedTraining:
+        first = spread(self.features, min(self.settings.first, self.settings.most))
+        self._enter(first, np.full(len(self.split.fields), np.nan))
+        everyone = np.arange(len(self.points))
+        candidates = np.array(spread(self.features, CANDIDATES)) if len(everyone) > 2 * CANDIDATES else everyone
+        while True:
+            states, estimates = self._estimate(candidates)
+            worst = estimates.max(axis=1)
+            if self.progress:
+                self.progress(len(self.solved), float(worst.max()) if np.isfinite(worst).all() else np.nan)
+            known = sum(each.shape[1] for each in self.factors)
+            fine = known >= CALIBRATING and bool((worst <= self.settings.tolerance).all())
+            if fine and len(candidates) == len(everyone):
+                solved = np.array(self.solved)
+                return ReducedTraining(self.model, self.galerkin, tuple(self.rounds), solved, states, estimates)
+            if fine:
+                self._compress(candidates)
+                candidates = everyone
+                continue
+            self._refine(candidates, estimates, worst)
+
+    def _refine(self, candidates: IntArray, estimates: Array, worst: Array) -> None:
+        """Solve more samples; or, where those already solved are no better, take more of their modes."""
+        tolerance = self.settings.tolerance
+        known = np.isin(candidates, self.solved)
+        if known.any() and (estimates[:, known] > tolerance).any() and self.share > _FLOOR * tolerance:
+            self.share *= 0.1
+            self._extend(self.solved)
+            return
+        fresh = candidates[~known]
+        room = self.settings.most - len(self.solved)
+        if not fresh.size or room <= 0:
+            raise AccuracyError(
+                f"reduced training: {len(self.solved)} trajectories leave an estimated error of {worst.max():.1e}, "
+                f"expected {tolerance:.1e}; raise training.reduction or training.most, or set training.method = 'full'"
+            )
+        size = np.nan_to_num(estimates[:, ~known], nan=1.0).max(axis=0)
+        self._enter(self._choose(fresh, size, min(self.settings.batch, room)), worst)
+
+    def _choose(self, fresh: IntArray, size: Array, count: int) -> list[int]:
+        """Take the largest estimates, and none beside another: what one motion adds, its neighbours need no more."""
+        chosen: list[int] = []
+        near = self.features[:, self.solved]
+        for _ in range(min(count, len(fresh))):
+            distance = ((self.features[:, fresh][:, :, None] - near[:, None, :]) ** 2).sum(axis=0).min(axis=1)
+            weight = np.minimum(distance / max(float(distance.max()), 1e-300), 0.25)
+            weight[np.isin(fresh, chosen)] = -1.0
+            best = int(fresh[int((size * weight).argmax())])
+            chosen.append(best)
+            near = np.concatenate([near, self.features[:, [best]]], axis=1)
+        return chosen
+
+    def _estimate(self, numbers: IntArray) -> tuple[Array, Array]:
+        """Reduced states (r + n_loads, t, b) and estimated relative errors (n_fields, b) of some samples."""
+        states, indicated = self._indicate(numbers)
+        return states, indicated * self._factor[:, None]
+
+    def _indicate(self, numbers: IntArray) -> tuple[Array, Array]:
+        """As `_estimate`, without the factor."""
+        return self.model.indicate(self.coefficients[:, numbers], self.amplitudes[:, numbers])
+
+    def _compress(self, numbers: IntArray) -> None:
+        """Keep of the modes what the trajectories of these samples need: motions share more than their modes show."""
+        model = self.model
+        moments = {name: np.zeros((size, size)) for name, size in self.galerkin.sizes.items()}
+
+        def watch(_: slice, balance: Balance) -> None:
+            for name, rows in model.march.tested.columns.items():
+                moments[name] += balance.value[rows] @ balance.value[rows].T
+
+        model.march.run(self.coefficients[:, numbers], self.amplitudes[:, numbers], watch)
+        changes = {}
+        for name, moment in moments.items():
+            squares, vectors = np.linalg.eigh(moment)
+            left = np.cumsum(np.maximum(squares, 0.0))
+            lost = int((left <= (COMPRESSED * self.settings.tolerance) ** 2 * left[-1]).sum())
+            changes[name] = vectors[:, lost:]
+        self.galerkin.rotate(changes)
+        self._made = None
+
+    @property
+    def _factor(self) -> Array:
+        """Twice the largest true error per indicator among the last samples that were solved; unknown at first."""
+        if not self.factors:
+            return np.full(len(self.split.fields), np.nan)
+        return np.asarray(SAFETY * np.concatenate(self.factors, axis=1)[:, -CALIBRATING:].max(axis=1))
+
+    def _enter(self, numbers: Sequence[int], worst: Array) -> None:
+        """Solve samples in full, measure what the reduced model made of them, and take their modes."""
+        count = len(self.split.fields)
+        true, estimated = np.full((count, len(numbers)), np.nan), np.full((count, len(numbers)), np.nan)
+        trajectories = self.read(numbers)
+        if self.galerkin.dimension:
+            states, raw = self._indicate(np.array(numbers))
+            for j, (number, trajectory) in enumerate(zip(numbers, trajectories, strict=True)):
+                true[:, j] = self._true(number, trajectory, states[:, :, j])
+            estimated = self._factor[:, None] * raw
+            self.factors.append(np.divide(true, raw, out=np.ones_like(true), where=raw > 0))
+            self._made = None
+        self.solved.extend(int(number) for number in numbers)
+        self._extend(numbers, trajectories)
+        self.rounds.append(Round(tuple(int(n) for n in numbers), dict(self.galerkin.sizes), true, estimated, worst))
+
+    def _true(self, number: int, trajectory: Trajectory, states: Array) -> Array:
+        """Relative space–time error (n_fields,) of reduced states (r + n_loads, t) against a full solve."""
+        full = self.motions.superpose(trajectory, self.amplitudes[:, number])
+        out = []
+        for name, part in self.split.free_parts(full).items():
+            rows = self.model.march.tested.columns[name]
+            product = self.split.products[name]
+            error = part - self.galerkin.bases[name] @ states[rows]
+            above = float(np.einsum("ij,ij->", error, product @ error))
+            below = float(self.model.norms(states[:, :, None])[self.split.fields.index(name), 0])
+            out.append(np.sqrt(max(above, 0.0)) / below if below > 0 else 0.0)
+        return np.array(out)
+
+    def _extend(self, numbers: Sequence[int], trajectories: Sequence[Trajectory] | None = None) -> None:
+        """Append what the modes leave of the motions of some samples."""
+        for k, number in enumerate(numbers):
+            trajectory = trajectories[k] if trajectories is not None else self.read([number])[0]
+            news = {}
+            for name, part in self.split.free_parts(trajectory.states).items():
+                product = self.split.products[name]
+                size = np.sqrt(max(float(np.einsum("ij,ij->", part, product @ part)), 0.0))
+                left = self.galerkin.remainder(name, part)
+                rest = np.sqrt(max(float(np.einsum("ij,ij->", left, product @ left)), 0.0))
+                if size > 0 and rest > self.share * size:
+                    news[name] = pod(left, product, self.share * size / rest).basis
+            self.galerkin.extend(news)
+        self._made = None

@@ -1,0 +1,122 @@
+"""Reduced training on disk: the reduced model's arrays and its background, in one file written atomically."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dacore.core.arrays import Array
+from dacore.core.background import Background
+from dacore.core.parameters import ParameterSpace
+from dacore.core.reduced import ReducedSpace
+from dacore.core.space import Product
+from dacore.dynamics.march import MarchedModel
+from dacore.errors import DacoreError, StoreError
+from dacore.io.arrays import read_arrays, write_arrays
+from dacore.reduction.galerkin import Tested, TestedTerm
+from dacore.reduction.greedy import Round
+from dacore.reduction.indicator import Indicator
+from dacore.reduction.march import ReducedMarch
+from dacore.reduction.model import ReducedModel
+from dacore.reduction.training import Reduced
+
+MAGIC = "dacore reduced training 1"
+
+
+def write_reduced(reduced: Reduced, path: Path) -> None:
+    """Write a reduced training; the file appears whole or not at all."""
+    background, model = reduced.background, reduced.model
+    arrays: dict[str, Any] = {name: getattr(background, name) for name in ("coefficients", "times", "samples")}
+    for name, basis in background.bases.items():
+        arrays |= {f"basis.{name}": basis.basis, f"values.{name}": basis.singular_values}
+    for title, tested in (("step", model.march.tested), ("tests", model.indicator.tested)):
+        arrays |= _tested_arrays(title, tested)
+    arrays |= {f"lift.{name}": values for name, values in model.lift_products.items()}
+    arrays |= {f"gram.{name}": values for name, values in model.lift_grams.items()}
+    arrays |= {"onto": model.onto, "factor": model.indicator.factor}
+    arrays |= {"solved": reduced.solved, "estimates": reduced.estimates}
+    for k, each in enumerate(reduced.rounds):
+        arrays |= {f"round.{k}.{name}": getattr(each, name) for name in ("true", "estimated", "worst")}
+    facts = {
+        "kind": background.kind,
+        "compression": dict(background.compression),
+        "flow": model.march.flow,
+        "motions": reduced.motions,
+        "orders": [term.order for term in model.march.tested.terms],
+        "rounds": [{"solved": each.solved, "modes": dict(each.modes)} for each in reduced.rounds],
+        "columns": _bounds(model.march.tested.columns),
+        "test_rows": _bounds(model.indicator.tested.rows),
+    }
+    write_arrays(path, MAGIC, arrays, facts)
+
+
+def read_reduced(path: Path, model: MarchedModel, parameters: ParameterSpace) -> Reduced:
+    """Read the reduced training of `model`; StoreError if the file is damaged or of another model."""
+    arrays, facts = read_arrays(path, MAGIC)
+    space = model.space
+    try:
+        kind: Product = "h1" if facts["kind"] == "h1" else "l2"
+        bases = {
+            field.name: ReducedSpace(
+                arrays[f"basis.{field.name}"], arrays[f"values.{field.name}"], space.field_product(field.name, kind)
+            )
+            for field in space.fields
+        }
+        background = Background(
+            space, bases, arrays["coefficients"], arrays["times"], parameters, arrays["samples"], kind,
+            facts["compression"],
+        )  # fmt: skip
+        columns = {name: slice(*ends) for name, ends in facts["columns"].items()}
+        rows = {name: slice(*ends) for name, ends in facts["test_rows"].items()}
+        orders = [int(order) for order in facts["orders"]]
+        step = _tested("step", arrays, orders, columns, columns)
+        tests = _tested("tests", arrays, orders, rows, columns)
+        flow = tuple(bool(each) for each in facts["flow"])
+        reduced = ReducedModel(
+            model.model,
+            ReducedMarch.of(model, step, flow),
+            Indicator(tests, arrays["factor"]),
+            {name: arrays[f"lift.{name}"] for name in columns},
+            {name: arrays[f"gram.{name}"] for name in columns},
+            arrays["onto"],
+        )
+        rounds = tuple(
+            Round(
+                tuple(each["solved"]), each["modes"],
+                *(arrays[f"round.{k}.{name}"] for name in ("true", "estimated", "worst")),
+            )
+            for k, each in enumerate(facts["rounds"])
+        )  # fmt: skip
+        return Reduced(
+            background, reduced, rounds, arrays["solved"].astype(np.int64), int(facts["motions"]), arrays["estimates"]
+        )
+    except (KeyError, TypeError, ValueError, DacoreError) as error:
+        raise StoreError(f"{path}: damaged or of another model ({error}); delete it and run again") from error
+
+
+def _bounds(slices: Mapping[str, slice]) -> dict[str, tuple[int, int]]:
+    return {name: (each.start, each.stop) for name, each in slices.items()}
+
+
+def _tested_arrays(title: str, tested: Tested) -> dict[str, Array]:
+    arrays = {f"{title}.forces": tested.forces}
+    for k, term in enumerate(tested.terms):
+        arrays[f"{title}.{k}.lifted"] = term.lifted
+        arrays |= {f"{title}.{k}.block.{row}.{column}": block for (row, column), block in term.blocks.items()}
+    return arrays
+
+
+def _tested(
+    title: str, arrays: Mapping[str, Array], orders: list[int], rows: dict[str, slice], columns: dict[str, slice]
+) -> Tested:
+    terms = []
+    for k, order in enumerate(orders):
+        blocks = {
+            (row, column): arrays[name]
+            for row in rows
+            for column in columns
+            if (name := f"{title}.{k}.block.{row}.{column}") in arrays
+        }
+        terms.append(TestedTerm(order, blocks, arrays[f"{title}.{k}.lifted"]))
+    return Tested(tuple(terms), arrays[f"{title}.forces"], rows, columns)

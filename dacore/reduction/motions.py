@@ -1,0 +1,133 @@
+"""The motions that superpose to every trajectory of one stiffness: what reduced training solves in full.
+
+The state is linear in the amplitudes of its loads. Loads whose amplitude is the same in all samples move together;
+each of the others moves alone, as large as it typically is.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dacore.core.arrays import Array
+from dacore.core.model import ForwardModel, Trajectory
+from dacore.core.parameters import Parameters, ParameterSpace
+from dacore.core.space import StateSpace
+from dacore.dynamics.march import MarchedModel
+from dacore.dynamics.static import steady_state
+from dacore.dynamics.system import load_profiles
+from dacore.errors import ShapeError
+
+
+class Motions(ForwardModel):
+    """A model whose trajectories are the motions of all loads, one after the other.
+
+    Every step before the recorded ones is recorded too, and a steady start: a reduced model must pass
+    through all of them.
+
+    Parameters
+    ----------
+    model : MarchedModel
+    amplitudes : (n_loads, K) array
+        Of the samples to come.
+
+    Attributes
+    ----------
+    parts : (n_loads, k) array
+        Amplitudes of the loads in each motion.
+    """
+
+    def __init__(self, model: MarchedModel, amplitudes: Array) -> None:
+        grid = replace(model.grid, steps=model.grid.steps + model.grid.spin_up, spin_up=0)
+        self._given = model, amplitudes
+        self.marched = model if grid == model.grid else MarchedModel(
+            model.model, grid, model.scheme, model.start, model.method, model.tolerance, model.analysis
+        )  # fmt: skip
+        self.steady = model.start == "steady"
+        self._recorded = model.grid.steps
+        constant = np.ptp(amplitudes, axis=1) == 0
+        typical = np.sqrt((amplitudes**2).mean(axis=1))
+        columns = [np.where(constant, amplitudes[:, 0], 0.0)]
+        columns += [np.where(np.arange(len(typical)) == j, typical, 0.0) for j in np.flatnonzero(~constant)]
+        self.parts = np.stack([column for column in columns if column.any()] or columns[:1], axis=1)
+        self._constant = constant
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return Motions, self._given
+
+    @property
+    def space(self) -> StateSpace:
+        """The space of the states."""
+        return self.marched.space
+
+    @property
+    def parameters(self) -> ParameterSpace:
+        """The parameters of the model."""
+        return self.marched.parameters
+
+    @property
+    def times(self) -> Array:
+        """Times (k · t,) [s] of every motion in turn."""
+        times = self.marched.times
+        return np.tile(np.concatenate([[0.0], times]) if self.steady else times, self.parts.shape[1])
+
+    def solve(self, parameters: Parameters) -> Trajectory:
+        """Solve for all motions with one set-up."""
+        states = self.marched.motions(parameters, self.parts)
+        if self.steady:
+            m = self.marched
+            weights = load_profiles(m.model.loads, np.zeros(1)) * self.parts
+            start = steady_state(m.model, parameters, weights, m.method, m.tolerance)
+            states = np.concatenate([start.T[:, :, None], states], axis=2)
+        return Trajectory(np.concatenate(list(states), axis=1), self.times)
+
+    def superpose(self, motions: Trajectory, amplitudes: Array) -> Array:
+        """Return the states (n_dofs, t) at the recorded times under loads of amplitudes (n_loads,)."""
+        shares = np.linalg.lstsq(self.parts, np.asarray(amplitudes), rcond=None)[0]
+        if not np.allclose(self.parts @ shares, amplitudes, rtol=1e-12, atol=1e-12 * np.abs(amplitudes).max()):
+            raise ShapeError("amplitudes: these loads were not moved in training")
+        count = self.parts.shape[1]
+        length = motions.states.shape[1] // count
+        total = np.zeros((self.space.n_dofs, self._recorded))
+        for j, share in enumerate(shares):
+            total += share * motions.states[:, (j + 1) * length - self._recorded : (j + 1) * length]
+        return total
+
+
+def features(coefficients: Array) -> Array:
+    """Coordinates (d, K) in which equal operators are equal and ratios of stiffness are distances.
+
+    Parameters
+    ----------
+    coefficients : (n_terms, K) array
+        Of the operator's terms.
+
+    Returns
+    -------
+    (d, K) array
+        Logarithms of the positive coefficients that vary, the values of the others, scaled to [0, 1].
+    """
+    rows = []
+    for row in coefficients:
+        values = np.log(row) if (row > 0).all() else row
+        width = float(np.ptp(values))
+        if width > 1e-12 * max(float(np.abs(values).max()), 1.0):
+            rows.append((values - values.min()) / width)
+    return np.array(rows).reshape(len(rows), coefficients.shape[1])
+
+
+def spread(points: Array, count: int, taken: Sequence[int] = ()) -> list[int]:
+    """Choose `count` of the columns of points (d, K) far apart and from those taken; the first nearest the middle."""
+    chosen = list(taken)
+    out: list[int] = []
+    total = points.shape[1]
+    while len(out) < min(count, total - len(taken)):
+        if chosen:
+            distance = np.min([((points - points[:, [j]]) ** 2).sum(axis=0) for j in chosen], axis=0)
+            distance[chosen] = -1.0
+            best = int(distance.argmax())
+        else:
+            best = int(((points - 0.5) ** 2).sum(axis=0).argmin())
+        chosen.append(best)
+        out.append(best)
+    return out

@@ -1,0 +1,90 @@
+"""Training by a reduced model: from samples to a background, with a few trajectories solved in full."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dacore.core.arrays import Array, IntArray
+from dacore.core.background import Background
+from dacore.core.model import ForwardModel, Trajectory
+from dacore.core.parameters import ParameterSpace
+from dacore.dynamics.march import MarchedModel
+from dacore.reduction.background import background_of
+from dacore.reduction.greedy import Round, Settings, train
+from dacore.reduction.model import ReducedModel
+from dacore.reduction.motions import Motions
+
+Solve = Callable[[ForwardModel, Sequence[int]], Sequence[Trajectory]]
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """What reduced training leaves behind.
+
+    Parameters
+    ----------
+    background : Background
+    model : ReducedModel
+        Knows the background's bases (`ReducedModel.onto`).
+    rounds : tuple of Round
+        How the greedy went.
+    solved : (k,) int array
+        Samples solved in full.
+    motions : int
+        Motions that each of them took.
+    estimates : (n_fields, K) array
+        Estimated relative space–time error of each sample.
+    """
+
+    background: Background
+    model: ReducedModel
+    rounds: tuple[Round, ...]
+    solved: IntArray
+    motions: int
+    estimates: Array
+
+
+def train_reduced(
+    model: MarchedModel,
+    parameters: ParameterSpace,
+    samples: Array,
+    solve: Solve,
+    settings: Settings,
+    compression: float,
+    progress: Callable[[int, float], None] | None = None,
+) -> Reduced:
+    """Train a reduced model, march all samples with it, and compress their trajectories.
+
+    Parameters
+    ----------
+    model : MarchedModel
+    parameters : ParameterSpace
+    samples : (K, n_parameters) array
+    solve : callable
+        Takes a model and numbers of samples; returns their trajectories, solved or read.
+    settings : Settings
+    compression : float
+        Relative mean-square error that the background's POD of each field may leave.
+    progress : callable, optional
+        Called after each round with the number of full solves and the largest estimate.
+
+    Raises
+    ------
+    AccuracyError
+        If the most trajectories allowed do not reach the tolerance.
+    CapabilityError
+        If the model cannot be projected field by field.
+    """
+    amplitudes = model.model.amplitudes
+    motions = Motions(model, np.stack([amplitudes(parameters.as_mapping(row)) for row in samples], axis=1))
+    trained = train(
+        model, motions, parameters, samples, lambda numbers: solve(motions, numbers), settings, progress
+    )  # fmt: skip
+    background, onto = background_of(
+        model.space, trained.galerkin, trained.model.lift_products, trained.states, model.times, parameters, samples,
+        compression,
+    )  # fmt: skip
+    return Reduced(
+        background, trained.model.on(onto), trained.rounds, trained.solved, motions.parts.shape[1], trained.estimates
+    )
