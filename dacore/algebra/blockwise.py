@@ -45,14 +45,14 @@ class BlockSolver(CorrectingSolver):
         elif definite.all():
             self._sweep = GaussSeidel(self.matrix)
         else:
-            upper, lower = self.matrix[self._inner], self.matrix[self._outer]
-            coupling = csr_array(lower[:, self._inner])
-            self._blocks = GaussSeidel(csr_array(upper[:, self._inner]))
+            self._blocks = GaussSeidel(csr_array(self.matrix[self._inner][:, self._inner]))
+            lower = self.matrix[self._outer]
+            coupling, flow = csr_array(lower[:, self._inner]), csr_array(lower[:, self._outer])
             # The scaled A has a unit diagonal.
-            self._schur = GaussSeidel(csr_array(coupling @ coupling.T - lower[:, self._outer]))
+            self._schur = GaussSeidel(csr_array(coupling @ coupling.T - flow))
             self._coupling_transpose = csr_array(coupling.T, dtype=np.float32)
             self._coupling = self._coupling_transpose.T  # the same arrays
-            self._flow = csr_array(lower[:, self._outer], dtype=np.float32)
+            self._flow = flow.astype(np.float32)
 
     @property
     def name(self) -> str:

@@ -1,11 +1,13 @@
 """Symmetric Gauss–Seidel: two triangular solves in place of the inverse of a positive definite matrix."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_array, tril
+from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
-from dacore.core.arrays import Sparse
+from dacore.core.arrays import BoolArray, Sparse
 
 Single = NDArray[np.float32]
 
@@ -19,14 +21,18 @@ class GaussSeidel:
     Parameters
     ----------
     matrix : (n, n) csr_array
-        Only its lower triangle is looked at.
+        With no entry twice.
     """
 
     def __init__(self, matrix: Sparse) -> None:
         self._diagonal: Single = matrix.diagonal().astype(np.float32)
-        self._below = csr_array(tril(matrix, k=-1, format="csr"), dtype=np.float32)
+        rows = np.repeat(np.arange(matrix.shape[0], dtype=matrix.indices.dtype), np.diff(matrix.indptr))
+        self._below = csr_array(_chosen(matrix, matrix.indices < rows), shape=matrix.shape)
+        # The rows of the upper triangle are the columns of the lower one.
+        lower = csc_array(_chosen(matrix, matrix.indices >= rows), shape=matrix.shape)
+        del rows
         self._triangle = splu(
-            csc_array(tril(matrix, format="csc"), dtype=np.float32),
+            lower,
             permc_spec="NATURAL",
             diag_pivot_thresh=0.0,  # the pivots are on the diagonal
             relax=1,
@@ -53,3 +59,9 @@ class GaussSeidel:
         half = np.asarray(self._triangle.solve(load))
         half *= self._diagonal
         return half
+
+
+def _chosen(matrix: Sparse, chosen: BoolArray) -> tuple[Single, NDArray[Any], NDArray[Any]]:
+    """Values in single precision, indices and row starts of some of the entries."""
+    ends = np.concatenate([[0], np.cumsum(chosen, dtype=np.int64)])[matrix.indptr]
+    return matrix.data[chosen].astype(np.float32), matrix.indices[chosen], ends.astype(matrix.indptr.dtype)

@@ -12,7 +12,7 @@ from dacore.algebra.solvers import Auto
 from dacore.core.arrays import Array, check_shape
 from dacore.core.model import AffineModel, ForwardModel, Trajectory
 from dacore.core.parameters import Parameters, ParameterSpace
-from dacore.core.solver import SolverMethod
+from dacore.core.solver import LinearSolver, SolverMethod
 from dacore.core.space import StateSpace
 from dacore.core.timegrid import TimeGrid
 from dacore.dynamics.newmark import Newmark
@@ -232,14 +232,15 @@ class MarchedModel(ForwardModel):
         profiles = load_profiles(self.model.loads, times)[:, :, None] * amplitudes[:, None, :]
         recorded = np.empty((amplitudes.shape[1], self.space.n_dofs, grid.steps))
         rule: StepRule | None = None
+        held: list[LinearSolver] = []
         done = 0
         for k, (length, keep) in enumerate(zip(grid.lengths.tolist(), grid.recorded, strict=True)):
             if (new := self.scheme.rule(state, length)) != rule:
-                if rule is not None:
-                    del step, solver  # never two of them in memory
+                held.clear()  # never two solvers in memory
                 rule, step = new, system.at(parameters, new)
-                solver = prepared(self.method, step.matrix, system.definite, self.tolerance, self.analysis)
-            state = step.take(solver, state, profiles[:, k + 1], profiles[:, k], length)
+                held.append(prepared(self.method, step.matrix, system.definite, self.tolerance, self.analysis))
+                step = step.without_matrix()
+            state = step.take(held[0], state, profiles[:, k + 1], profiles[:, k], length)
             if keep:
                 recorded[:, :, done] = state.value.T
                 done += 1

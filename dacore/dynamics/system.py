@@ -5,7 +5,7 @@ and what is left on the free dofs is symmetric quasi-definite.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array, dia_array
@@ -114,6 +114,10 @@ class Step:
     lift: Sparse
     second: tuple[tuple[float, Sparse], ...]
     first: tuple[tuple[float, Sparse], ...]
+
+    def without_matrix(self) -> "Step":
+        """Return the step for a march whose solver is prepared and has the matrix in a form of its own."""
+        return replace(self, matrix=csr_array(self.matrix.shape))
 
     @property
     def loads(self) -> Array:
