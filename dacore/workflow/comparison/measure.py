@@ -29,6 +29,7 @@ from dacore.pipeline.runner import Runner
 from dacore.studies.validation import Outcome
 from dacore.workflow.build import Builder
 from dacore.workflow.comparison.clock import Clocked
+from dacore.workflow.laws import sizes_of
 from dacore.workflow.machine import memory_now, peak_memory
 from dacore.workflow.session import Session
 from dacore.workflow.stages import ProgressBoard, scene_pipeline
@@ -116,7 +117,9 @@ class Measurement:
         builder = Builder(validate(job.table, job.where), job.where, Path(job.base))
         self.costs["memory before"] = memory_now()
         builder.check()
-        self.session = Session(builder, Runner(scene_pipeline(builder, job.workers, LineBoard()), Path(job.cache)))
+        pipeline = scene_pipeline(builder, job.workers, LineBoard())
+        sizes = sizes_of(builder.scene, builder.domain, job.workers)
+        self.session = Session(builder, Runner(pipeline, Path(job.cache), sizes=sizes))
 
     @contextmanager
     def _timed(self, name: str, clock: Callable[[], float] = time.process_time) -> Iterator[None]:
