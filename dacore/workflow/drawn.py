@@ -1,12 +1,40 @@
 """A figure with what a report says of it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from importlib.metadata import version
+from typing import Any, TypeVar
 
 from matplotlib.figure import Figure
 
+from dacore.workflow.build import source_hash
+from dacore.workflow.content import content_key
+
 T = TypeVar("T")
+
+
+class Plot:
+    """A figure that is drawn when it is wanted: a figure function and what it shows.
+
+    Parameters
+    ----------
+    make : callable
+        Of `dacore.figures`: data in, figure out.
+    *given, **options
+        What it is called with.
+    """
+
+    def __init__(self, make: Callable[..., Figure], *given: Any, **options: Any) -> None:
+        self.make, self.given, self.options = make, given, options
+
+    def draw(self) -> Figure:
+        """Draw it."""
+        return self.make(*self.given, **self.options)
+
+    def key(self) -> str | None:
+        """Hash of what decides how it looks: what it shows, the code that draws it, and matplotlib's version."""
+        drawing = (source_hash("dacore", ("figures", "geometry")), version("matplotlib"))
+        return content_key(drawing, self.make, self.given, self.options)
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,14 +45,14 @@ class Drawn:
     ----------
     name : str
         Stem of its file.
-    figure : Figure
+    figure : Figure or Plot
     caption : str
     alt : str
         What it shows, in words.
     """
 
     name: str
-    figure: Figure
+    figure: Figure | Plot
     caption: str
     alt: str
 

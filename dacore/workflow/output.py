@@ -12,7 +12,7 @@ from dacore.studies.errors import JOINT
 from dacore.studies.validation import PRIOR, Outcome, Validation
 from dacore.workflow.build import Builder
 from dacore.workflow.canvas import Canvas
-from dacore.workflow.drawn import Drawn, tag, unit_text
+from dacore.workflow.drawn import Drawn, Plot, tag, unit_text
 from dacore.workflow.pictures import draw_all
 from dacore.workflow.report import write_report
 from dacore.workflow.report_parts import Card, Picture, Provenance, Report, Section, Table, Timing
@@ -27,6 +27,8 @@ from dacore.workflow.tables import (
     quantity_title,
     refinement_table,
 )  # fmt: skip
+
+_END_OF_PNG = b"IEND\xaeB`\x82"
 
 
 def tables(session: Session, joint: bool = True) -> list[Table]:
@@ -46,15 +48,38 @@ def tables(session: Session, joint: bool = True) -> list[Table]:
     return out
 
 
-def write_figures(pictures: Iterable[Drawn], folder: Path) -> dict[str, Picture]:
-    """Write every figure as PNG and return them for the report, by name."""
+def write_figures(pictures: Iterable[Drawn], folder: Path, kept: Path | None = None) -> dict[str, Picture]:
+    """Write every figure as PNG and return them for the report, by name.
+
+    Parameters
+    ----------
+    pictures : iterable of Drawn
+    folder : Path
+    kept : Path, optional
+        Folder of figures drawn before: one that shows the same is not drawn again.
+    """
     out = {}
     for drawn in pictures:
-        data = png(drawn.figure)
+        data = _png_of(drawn, kept)
         with atomic_write(folder / f"{drawn.name}.png") as stream:
             stream.write(data)
         out[drawn.name] = Picture(data, drawn.caption, drawn.alt)
     return out
+
+
+def _png_of(drawn: Drawn, kept: Path | None) -> bytes:
+    if not isinstance(drawn.figure, Plot):
+        return png(drawn.figure)
+    key = drawn.figure.key() if kept is not None else None
+    if kept is None or key is None:
+        return png(drawn.figure.draw())
+    path = kept / f"{drawn.name}-{key}.png"
+    data = path.read_bytes() if path.exists() else b""
+    if not data.endswith(_END_OF_PNG):  # none yet, or damaged
+        data = png(drawn.figure.draw())
+        with atomic_write(path) as stream:
+            stream.write(data)
+    return data
 
 
 def write_fields(session: Session, folder: Path) -> list[Path]:
@@ -175,7 +200,7 @@ def _mean(outcome: Outcome, label: str) -> float:
 
 def publish(session: Session, out: Path, summary: dict[str, Any], scene_text: str) -> list[Path]:
     """Write figures, fields and the report; returns the files a reader opens first."""
-    pictures = write_figures(draw_all(Canvas(session)), out / "figures")
+    pictures = write_figures(draw_all(Canvas(session)), out / "figures", session.runner.cache / "figures")
     fields = []
     if session.scene.report.states and "cells" in session.model.space.capabilities:
         fields = write_fields(session, out / "fields")

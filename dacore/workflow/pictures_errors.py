@@ -8,7 +8,7 @@ from dacore.figures.summary import summary
 from dacore.studies.errors import JOINT
 from dacore.studies.validation import PRIOR
 from dacore.workflow.canvas import Canvas
-from dacore.workflow.drawn import Drawn, error_name, sheets, tag
+from dacore.workflow.drawn import Drawn, Plot, error_name, sheets, tag
 from dacore.workflow.tables import name_of, noise_name, quantity_title
 
 
@@ -27,7 +27,7 @@ def draw_histories(canvas: Canvas) -> list[Drawn]:
         for name, part in sheets(f"errors_{tag(level)}", histories):
             out.append(
                 Drawn(
-                    name, cycle_errors(session.background.times, part, guess, caption),
+                    name, Plot(cycle_errors, session.background.times, part, guess, caption),
                     f"Relative errors at each step, {noise_name(level)}: a thin line for each unseen case, the mean in "
                     "bold, and the error of guessing the training mean dashed.",
                     "grids of error curves over the cycle, one column an estimator",
@@ -56,9 +56,9 @@ def draw_summary(canvas: Canvas) -> Drawn:
         )
         guess[f"{name} (rms)"] = prior.quantities[title].rms
         units[f"{name} (rms)"] = canvas.quantity_unit(title)
-    figure = summary(
-        [name_of(session.builder, name) for name in names], [noise_name(level) for level in levels], errors, guess,
-        canvas.caption, units,
+    figure = Plot(
+        summary, [name_of(session.builder, name) for name in names], [noise_name(level) for level in levels], errors,
+        guess, canvas.caption, units,
     )  # fmt: skip
     return Drawn(
         "summary", figure,
@@ -80,7 +80,7 @@ def draw_quantities(canvas: Canvas) -> list[Drawn]:
             panels = [_panel(canvas, title, each, level) for level in session.scene.noise.levels for each in part]
             out.append(
                 Drawn(
-                    stem, quantity(panels, name, unit, known, canvas.caption),
+                    stem, Plot(quantity, panels, name, unit, known, canvas.caption),
                     f"{name}: estimate against truth for every unseen case, with the 90% interval each estimator "
                     "claims; the band is the training mean and its error.",
                     f"scatter plots of estimated against true {name}",

@@ -9,7 +9,7 @@ from dacore.figures.voxels import measured_slice
 from dacore.geometry.cut import cut_plane
 from dacore.studies.validation import PRIOR
 from dacore.workflow.canvas import Canvas
-from dacore.workflow.drawn import Drawn, sheets, tag, time_text, unit_text
+from dacore.workflow.drawn import Drawn, Plot, sheets, tag, time_text, unit_text
 from dacore.workflow.tables import name_of, noise_name, percent
 
 
@@ -32,8 +32,8 @@ def draw_measured(canvas: Canvas) -> list[Drawn]:
     return [
         Drawn(
             "measured_slice",
-            measured_slice(
-                view, f.centres, f.directions, f.spacing, values, unit_text(f.unit),
+            Plot(
+                measured_slice, view, f.centres, f.directions, f.spacing, values, unit_text(f.unit),
                 caption=f"{canvas.caption} · {when}",
             ),
             f"What is measured: {f.count} averages over {f.n_sites} voxels of "
@@ -64,7 +64,7 @@ def draw_worst(canvas: Canvas, level: float) -> list[Drawn]:
         for name, part in sheets(f"worst_{field.name}_{tag(level)}", rows):
             out.append(
                 Drawn(
-                    name, comparison(view, part, f"{canvas.caption} · {when}"),
+                    name, Plot(comparison, view, part, f"{canvas.caption} · {when}"),
                     f"{rows[0].name} at {when}: the case that “{name_of(session.builder, best.estimator)}” "
                     f"reconstructs worst.{dashed}",
                     f"slices of true and reconstructed {field.name} and their difference",
@@ -100,7 +100,8 @@ def draw_hero(canvas: Canvas) -> list[Drawn]:
     layout = session.background.space.layout
     field = next(each for each in layout.fields if f.matrix[:, layout.block(each.name)].nnz)
     component = f"_{canvas.frame.names[along]}" if field.components > 1 else ""
-    figure = hero(
+    figure = Plot(
+        hero,
         Measured(
             flat, f.centres[chosen], f.spacing, f_values, f"measured {field.name}{component}",
             unit_text(f.unit),

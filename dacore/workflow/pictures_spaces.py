@@ -7,7 +7,7 @@ from dacore.figures.inf_sup import InfSupCurve, inf_sup
 from dacore.figures.modes import ModeField, modes
 from dacore.figures.spectrum import Spectrum, spectrum
 from dacore.workflow.canvas import Canvas
-from dacore.workflow.drawn import Drawn
+from dacore.workflow.drawn import Drawn, Plot
 from dacore.workflow.tables import name_of
 
 SHOWN_MODES = 4
@@ -34,19 +34,19 @@ def draw_spaces(canvas: Canvas) -> list[Drawn]:
         bounds.append(BoundCurve(label + where, dimensions, tails[middle], beta[middle], spaces[middle].n))
     return [
         Drawn(
-            "singular_values", spectrum(spectra, canvas.caption, largest=200),
+            "singular_values", Plot(spectrum, spectra, canvas.caption, largest=200),
             "Singular values of the training set in each background space, and the tails ε̂_n they leave. "
             "A family (one space a phase) is drawn as its median within its range.",
             "decaying curves of singular values and relative tails against their number",
         ),
         Drawn(
-            "inf_sup", inf_sup(constants, canvas.caption),
+            "inf_sup", Plot(inf_sup, constants, canvas.caption),
             "Stability constants β_n = σ_min of the cross-Gramian between the background space and the "
             "measurements. They never rise with n.",
             "stability constants falling with the dimension of the background space",
         ),
         Drawn(
-            "bound", bound(bounds, canvas.caption),
+            "bound", Plot(bound, bounds, canvas.caption),
             "The a-priori bound ε̂_n/β_n and the dimension in use. ε̂_n is a mean-square tail, not a worst case.",
             "bound, tails and stability constants against the dimension, with the dimension in use marked",
         ),
@@ -75,7 +75,7 @@ def draw_modes(canvas: Canvas) -> Drawn:
         )
     return Drawn(
         "modes",
-        modes(view, fields, canvas.caption),
+        Plot(modes, view, fields, canvas.caption),
         f"First modes of the space of “{whose}”, each scaled to at most 1.{told}",
         "grid of slices with the first modes of each field",
     )

@@ -193,7 +193,7 @@ def test_pictures_lift_the_step_they_show_and_read_the_cases_they_show(cache, co
     session = open_scene(BALL, SMALL, cache)
     validation = session.validation
     for drawn in draw_all(Canvas(session)):
-        assert drawn.figure is not None
+        assert drawn.figure.key() is not None
     r = session.background.dimension
     steps = [shape for shape in counts.shapes if shape == (r,)]
     modes = [shape for shape in counts.shapes if len(shape) == 2]
@@ -315,3 +315,27 @@ def test_fresh_solves_again_what_it_names(cache, counts):
     assert counts["MarchedModel.solve"] == 3
     with pytest.raises(SceneError, match="--fresh: got 'truths', expected all, or any of domain, model"):
         open_scene(BALL, SMALL, cache, fresh=["truths"])
+
+
+def test_a_figure_that_shows_the_same_is_not_drawn_again(cache, tmp_path, monkeypatch):
+    drawn = []
+    inner = output.png
+    monkeypatch.setattr(output, "png", lambda figure: drawn.append(figure) or inner(figure))
+    first, again, other = (tmp_path / name for name in ("first", "again", "other"))
+    run_scene(BALL, NUMBERS, first, cache, workers=1)
+    count = len(drawn)
+    assert count == len(list((first / "figures").iterdir())) >= 5
+    run_scene(BALL, NUMBERS, again, cache, workers=1)
+    assert len(drawn) == count
+    damaged = next((cache / "figures").glob("summary-*.png"))
+    damaged.write_bytes(damaged.read_bytes()[:-100])
+    run_scene(BALL, [*NUMBERS, "noise.levels=[0.0, 0.05]"], other, cache, workers=1)
+    # The spaces do not know the noise; the summary, the data and the numbers do.
+    assert len(drawn) == count + 3
+    for path in (first / "figures").iterdir():
+        assert path.read_bytes() == (again / "figures" / path.name).read_bytes()
+        assert (path.read_bytes() == (other / "figures" / path.name).read_bytes()) is (
+            path.stem in ("singular_values", "inf_sup", "bound")
+        )
+    run_scene(BALL, NUMBERS, again, cache, workers=1)
+    assert len(drawn) == count + 4
