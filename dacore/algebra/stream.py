@@ -37,7 +37,7 @@ FLOOR = 1e-14
 _NEWS = 1e-3
 # Shares of the tolerance: for what is dropped of blocks, and for cuts before the end.
 _DROPPED, _CUT = 0.25, 0.15
-# Bound on the round-off of ‖b‖² − ‖c‖², relative to ‖b‖²; ten times what is seen with 100,000 dofs.
+# Bound on the round-off of ‖b‖² − ‖c‖², relative to ‖b‖²; with 100,000 dofs and 120 modes 3e-15 is the most seen.
 _CANCELLED = 1e-14
 
 

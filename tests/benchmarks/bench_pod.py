@@ -55,9 +55,13 @@ def main() -> None:
 def report(options: argparse.Namespace, folder: str, name: str) -> None:
     """Run one method, then measure its basis, each in a fresh process."""
     command = [sys.executable, "-m", "tests.benchmarks.bench_pod", "--tolerance", str(options.tolerance)]
-    found = subprocess.run(
-        [*command, "--child", name, "--folder", folder], capture_output=True, text=True, timeout=options.limit
-    )
+    try:
+        found = subprocess.run(
+            [*command, "--child", name, "--folder", folder], capture_output=True, text=True, timeout=options.limit
+        )
+    except subprocess.TimeoutExpired:
+        print(f"{name:<44} not done after {options.limit:g} s", flush=True)
+        return
     if found.returncode:
         print(f"{name:<44} failed: {found.stderr.strip().splitlines()[-1]}")
         return
