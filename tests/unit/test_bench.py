@@ -36,6 +36,10 @@ def test_a_point_is_efficient_if_none_beats_it_in_both():
     costs = np.array([1.0, 2.0, 2.0, 3.0, 4.0, np.nan, 0.5])
     errors = np.array([0.5, 0.6, 0.1, 0.1, 0.01, 1e-9, np.nan])
     assert frontier(costs, errors).tolist() == [True, False, True, False, True, False, False]
+    # Errors that differ in the third digit are one error: the cheapest point that has it will do.
+    costs, errors = np.array([1.0, 2.0, 3.0, 4.0]), np.array([0.2, 0.1999, 0.18, 0.1795])
+    assert frontier(costs, errors).all()
+    assert frontier(costs, errors, 0.05).tolist() == [True, False, True, False]
     rng = np.random.default_rng(0)
     costs, errors = rng.uniform(size=(2, 60))
     beaten = [((costs <= c) & (errors <= e) & ((costs < c) | (errors < e))).any() for c, e in zip(costs, errors)]
@@ -320,7 +324,7 @@ def test_the_reference_is_finer_in_time_and_space_and_takes_changes():
     changes = [axis_of("domain.edge=1.0"), axis_of("time.substeps=1")]
     finest, coarser, differs = references(table, axis_of("domain.edge=3.0,2.5"), changes)
     assert finest.table["domain"]["edge"] == differs["domain.edge"] == 1.0
-    assert differs["time"]["substeps"] == 1
+    assert differs["time.substeps"] == 1
     assert coarser is None, "a step cannot be halved the other way"
     with pytest.raises(SceneError, match=r"--reference domain\.edge: got 2 values, expected one"):
         references(table, None, [axis_of("domain.edge=1.0,2.0")])

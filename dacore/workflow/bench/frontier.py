@@ -8,20 +8,22 @@ import numpy as np
 from dacore.core.arrays import Array, BoolArray
 
 
-def frontier(costs: Array, errors: Array) -> BoolArray:
+def frontier(costs: Array, errors: Array, gain: float = 0.0) -> BoolArray:
     """Which points (k,) no other point beats in both cost and error.
 
     Parameters
     ----------
     costs, errors : (k,) arrays
         A point that is not finite in both is never on the frontier.
+    gain : float
+        By how much, relatively, an error must be below those of all cheaper points to count as less.
     """
     efficient = np.zeros(len(costs), dtype=bool)
     valid = np.isfinite(costs) & np.isfinite(errors)
     least = np.inf
     # Cheapest first, and of equal cost the most accurate first: each must be better than all before it.
     for k in np.lexsort((errors, costs)):
-        if valid[k] and errors[k] < least:
+        if valid[k] and (errors[k] < least * (1.0 - gain) or least == np.inf):
             efficient[k], least = True, errors[k]
     return efficient
 

@@ -13,6 +13,7 @@ from dacore.workflow.bench.frontier import frontier
 from dacore.workflow.bench.run import Bench
 from dacore.workflow.bench.sweeps import Kind
 from dacore.workflow.bench.tables import (
+    GAIN,
     TITLES,
     advice_table,
     failed_table,
@@ -120,7 +121,7 @@ def _draw(bench: Bench) -> list[Drawn]:
         for label in labels_of(points)[:6]:
             for cost, axis in (("work", "work  [s]"), ("memory", "memory  [MiB]"))[: 2 if kind == "forward" else 1]:
                 costs, errors = values(points, cost, label)
-                diagrams.append(Diagram(error_name(label), axis, costs, errors, number, frontier(costs, errors)))
+                diagrams.append(Diagram(error_name(label), axis, costs, errors, number, frontier(costs, errors, GAIN)))
         if diagrams:
             out.append(
                 Drawn(

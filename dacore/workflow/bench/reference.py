@@ -38,7 +38,7 @@ def references(
     coarser : Variant or None
         None if the reference's steps cannot be halved.
     differs : dict
-        Settings by key; a table whole where it is the reference's own.
+        Settings by key.
 
     Raises
     ------
@@ -58,8 +58,9 @@ def references(
         keys.pop(axis.key, None)
         keys[axis.key] = axis.values[0]
     made = _changed(table, keys)
-    differs = {key: made["time"] if key == "time" else value for key, value in keys.items()
-               if not key.startswith("time.")}  # fmt: skip
+    own = table.get("time", {})
+    differs = {f"time.{key}": value for key, value in made["time"].items() if own.get(key) != value}
+    differs |= {key: value for key, value in keys.items() if key.partition(".")[0] != "time"}
     substeps = made["time"].get("substeps", 1)
     halved = _changed(made, {"time.substeps": substeps // 2}) if substeps > 1 else None
     coarser = None if halved is None else Variant(f"reference, {substeps // 2} substeps", halved)
