@@ -98,6 +98,17 @@ class Training(Table):
     seed: Annotated[int, Field(ge=0)] = 1
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-6
     product: Literal["l2", "h1"] = "l2"
+    method: Literal["full", "reduced"] = "full"
+    reduction: Annotated[float, Field(gt=0, lt=1)] = 1e-4
+    most: Annotated[int, Field(ge=8)] = 64
+
+    @model_validator(mode="after")
+    def _fitting(self) -> "Training":
+        """Refuse settings of reduced training where every sample is solved in full."""
+        strange = [key for key in ("reduction", "most") if key in self.model_fields_set]
+        if strange and self.method == "full":
+            raise ValueError(f"{', '.join(strange)}: of method = 'reduced', but the method is 'full'")
+        return self
 
 
 class Noise(Table):

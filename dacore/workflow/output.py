@@ -18,6 +18,7 @@ from dacore.workflow.report import write_report
 from dacore.workflow.report_parts import Card, Picture, Provenance, Report, Section, Table, Timing
 from dacore.workflow.results import SAME_DISCRETISATION
 from dacore.workflow.session import Session
+from dacore.workflow.stages import judges_reduction
 from dacore.workflow.tables import (
     error_table,
     name_of,
@@ -25,6 +26,7 @@ from dacore.workflow.tables import (
     number_text,
     percent,
     quantity_title,
+    reduction_table,
     refinement_table,
 )  # fmt: skip
 
@@ -45,6 +47,8 @@ def tables(session: Session, joint: bool = True) -> list[Table]:
     out = [error_table(builder, space, validation, level, labels) for level in builder.scene.noise.levels]
     if builder.scene.validation.refine_time > 1:
         out.append(refinement_table(session.refinement))
+    if builder.scene.training.method == "reduced":
+        out.append(reduction_table(session.reduced, session.unseen_errors if judges_reduction(builder.scene) else None))
     return out
 
 

@@ -21,6 +21,7 @@ from dacore.studies.validation import PRIOR, Judged, Outcome, Validation
 from dacore.workflow.build import Builder
 from dacore.workflow.machine import peak_memory
 from dacore.workflow.session import Session
+from dacore.workflow.stages import judges_reduction
 
 SCHEMA = 1
 SAME_DISCRETISATION = (
@@ -70,6 +71,8 @@ def summarise(session: Session, seconds: float, expected: Sequence[PlannedStage]
         "joint_weights": dict(validation.joint_weights),
         "validation": [_outcome(validation, outcome) for outcome in validation.outcomes],
     }
+    if scene.training.method == "reduced":
+        summary["reduced_training"] = _reduced(session)
     if scene.validation.refine_time > 1:
         refinement = session.refinement
         summary["discretisation_error_in_time"] = {
@@ -119,6 +122,34 @@ def _observation(functionals: Functionals) -> dict[str, Any]:
         "dropped": functionals.dropped,
         "unit": functionals.unit,
     }
+
+
+def _reduced(session: Session) -> dict[str, Any]:
+    reduced = session.reduced
+    fields = reduced.model.fields
+    out = {
+        "tolerance": session.scene.training.reduction,
+        "solved_in_full": len(reduced.solved),
+        "motions_each": reduced.motions,
+        "dimension": reduced.model.dimension,
+        "largest_estimate": dict(zip(fields, numbers(reduced.estimates.max(axis=1)), strict=True)),
+        "rounds": [
+            {
+                "samples": list(each.solved),
+                "modes": dict(each.modes),
+                "true_error": dict(zip(fields, numbers(each.true), strict=True)),
+                "estimated_error": dict(zip(fields, numbers(each.estimated), strict=True)),
+            }
+            for each in reduced.rounds
+        ],
+    }
+    if judges_reduction(session.scene):
+        unseen = session.unseen_errors
+        out["unseen_cases"] = {
+            "error": {name: numbers(values) for name, values in unseen.true.items()},
+            "estimated": {name: numbers(values) for name, values in unseen.estimated.items()},
+        }
+    return out
 
 
 def _background(background: Background) -> dict[str, Any]:

@@ -14,6 +14,8 @@ from dacore.core.quantity import QuantityOfInterest
 from dacore.errors import DacoreError, SceneError
 from dacore.io.scene import Scene, read_scene
 from dacore.pipeline.runner import Runner
+from dacore.reduction.training import Reduced
+from dacore.studies.reduction import UnseenErrors
 from dacore.studies.refinement import Refinement
 from dacore.studies.validation import Judged, Validation
 from dacore.workflow.build import Builder
@@ -65,6 +67,22 @@ class Session:
     def background(self) -> Background:
         """The compressed training set."""
         made: Background = self.runner["background"]
+        return made
+
+    @property
+    def reduced(self) -> Reduced:
+        """The reduced model of a scene with ``training.method = "reduced"``, and how it was trained."""
+        if self.scene.training.method != "reduced":
+            raise SceneError(
+                f"{self.builder.where}: training.method: got 'full', expected 'reduced' for a reduced model"
+            )
+        made: Reduced = self.runner["training"]
+        return made
+
+    @property
+    def unseen_errors(self) -> UnseenErrors:
+        """The reduced model held against the unseen cases."""
+        made: UnseenErrors = self.runner["reduction"]
         return made
 
     @property

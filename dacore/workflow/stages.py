@@ -1,7 +1,7 @@
 """The stages of a scene: which settings each depends on, and how it is made."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from dacore.core.arrays import Array
 from dacore.core.domain import Domain
 from dacore.core.estimator import Estimate, PreparedEstimator
 from dacore.core.mesh import Mesh
-from dacore.core.model import ForwardModel
+from dacore.core.model import ForwardModel, Trajectory
 from dacore.core.noise import WhiteNoise
 from dacore.core.observation import Functionals
 from dacore.dynamics.march import MarchedModel
@@ -22,9 +22,12 @@ from dacore.errors import SceneError
 from dacore.io.background import read_background, write_background
 from dacore.io.functionals import read_functionals, write_functionals
 from dacore.io.mesh_cache import read_mesh_cache, write_mesh_cache
-from dacore.io.scene import PluginTable
+from dacore.io.scene import PluginTable, Scene
 from dacore.io.snapshots import TrajectoryStore
 from dacore.pipeline.stage import Codec, Pipeline, Results, Stage
+from dacore.reduction.greedy import Settings as ReductionSettings
+from dacore.reduction.kept import read_reduced, write_reduced
+from dacore.reduction.training import Reduced, Solve, train_reduced
 from dacore.studies.errors import Contrast, ErrorMeter, ProjectedErrors
 from dacore.studies.kept import (
     read_judged,
@@ -36,6 +39,7 @@ from dacore.studies.kept import (
     write_reference,
     write_refinement,
 )  # fmt: skip
+from dacore.studies.reduction import unseen_errors
 from dacore.studies.reference import measure, project
 from dacore.studies.refinement import time_refinement
 from dacore.studies.validation import PRODUCT, Judge, Judged, NoisyData, Validation, gather, joint_weights
@@ -78,6 +82,7 @@ def scene_pipeline(
     """
     scene, show = builder.scene, board or ProgressBoard()
     ranges = {name: table.model_dump() for name, table in scene.parameters.items()}
+    reduced = scene.training.method == "reduced"
 
     def solve(results: Results, samples: Array, store: TrajectoryStore, title: str) -> int:
         return solve_all(results["model"], results["parameters"], samples, store, workers, show.meter(title), scheduler)
@@ -104,7 +109,40 @@ def scene_pipeline(
 
         return Codec(".json", write_note, load)
 
+    def make_motions(results: Results, folder: Path) -> Solve:
+        """What solves for motions that the store does not hold yet, and reads the others."""
+        settings, parameters = scene.training, results["parameters"]
+        samples = draw(parameters, settings.samples, settings.sampling, settings.seed)
+        store = TrajectoryStore(folder, folder.name)
+
+        def solved(model: ForwardModel, numbers: Sequence[int]) -> list[Trajectory]:
+            def solve_these() -> int:
+                return solve_all(model, parameters, samples, store, workers, None, scheduler, numbers)
+
+            motions = TrajectorySet(store, samples, solve_these(), solve_these)
+            return [motions[number] for number in numbers]
+
+        return solved
+
+    def make_reduced(results: Results, _: Path) -> Reduced:
+        settings, parameters = scene.training, results["parameters"]
+        samples = draw(parameters, settings.samples, settings.sampling, settings.seed)
+        report = show.meter("training")
+
+        def tell(done: int, _: float) -> None:
+            if report:
+                report(done, settings.most)
+
+        with builder.blame("training"):
+            return train_reduced(
+                results["model"], parameters, samples, results["motions"],
+                ReductionSettings(settings.reduction, settings.most, settings.seed, settings.product),
+                settings.tolerance, tell,
+            )  # fmt: skip
+
     def make_background(results: Results, _: Path) -> Any:
+        if reduced:
+            return results["training"].background
         training: TrajectorySet = results["training"]
         settings = scene.training
         return compress(
@@ -134,6 +172,11 @@ def scene_pipeline(
         builder.check_before_training(results["model"].space, results["parameters"])
         if scene.validation.refine_time > 1 and not isinstance(results["model"], MarchedModel):
             raise SceneError(f"{builder.where}: validation.refine_time: this model steps by itself; set it to 0")
+        if reduced and not isinstance(results["model"], MarchedModel):
+            raise SceneError(
+                f"{builder.where}: training.method: got 'reduced', but this model is not affine in its parameters' "
+                "functions, or steps by itself; expected 'full'"
+            )
         model: ForwardModel = results["model"]
         cautions = model.cautions(results["parameters"]) if isinstance(model, MarchedModel) else ()
         for line in cautions:
@@ -247,18 +290,41 @@ def scene_pipeline(
         Stage(
             "checks", ("model", "parameters", "functionals"), {}, make_checks, purpose="the scene fits together",
         ),
-        Stage(
-            "training", ("model", "parameters"),
-            scene.training.model_dump(include={"samples", "sampling", "seed"}), make_training, noted("training"),
-            "trajectories",
-        ),
-        Stage(
-            "background", ("training",), scene.training.model_dump(include={"tolerance", "product"}), make_background,
-            Codec(
-                ".h5", write_background,
-                lambda path, results: read_background(path, results["model"].space, results["parameters"]),
-                ("model", "parameters"),
-            ), "compressed training set",
+        *(
+            (
+                Stage(
+                    "motions", ("model", "parameters"),
+                    scene.training.model_dump(include={"samples", "sampling", "seed"}), make_motions,
+                    purpose="trajectories load by load, where they are needed",
+                ),
+                Stage(
+                    "training", ("model", "parameters", "motions"),
+                    {**scene.training.model_dump(), "source": source_hash("dacore", ("reduction",))}, make_reduced,
+                    Codec(
+                        ".h5", write_reduced,
+                        lambda path, results: read_reduced(path, results["model"], results["parameters"]),
+                        ("model", "parameters"),
+                    ), "a reduced model and its trajectories",
+                ),
+                Stage("background", ("training",), {}, make_background, purpose="compressed training set"),
+            )
+            if reduced
+            else (
+                Stage(
+                    "training", ("model", "parameters"),
+                    scene.training.model_dump(include={"samples", "sampling", "seed"}), make_training,
+                    noted("training"), "trajectories",
+                ),
+                Stage(
+                    "background", ("training",), scene.training.model_dump(include={"tolerance", "product"}),
+                    make_background,
+                    Codec(
+                        ".h5", write_background,
+                        lambda path, results: read_background(path, results["model"].space, results["parameters"]),
+                        ("model", "parameters"),
+                    ), "compressed training set",
+                ),
+            )
         ),
         *(
             Stage(
@@ -297,6 +363,20 @@ def scene_pipeline(
             "validation", ("background", "noisy", *against, *(f"judged.{name}" for name in scene.estimator)),
             {"contrasts": asked}, make_validation, purpose="errors on unseen cases",
         ),
+        *(
+            (
+                Stage(
+                    "reduction", ("training", "background", "truth", "reference"), {"source": judging},
+                    lambda results, _folder: unseen_errors(
+                        results["training"].model, results["background"], results["reference"],
+                        [results["parameters"].as_mapping(row) for row in results["truth"].samples],
+                        contrasts(results),
+                    ), purpose="the reduced model on unseen cases",
+                ),
+            )
+            if judges_reduction(scene)
+            else ()
+        ),
         Stage(
             "refinement", ("model", "parameters"),
             scene.validation.model_dump(include={"refine_time", "contrasts"})
@@ -313,8 +393,14 @@ def targets(builder: Builder) -> list[str]:
     scene = builder.scene
     return [
         "checks", "validation", *(["refinement"] if scene.validation.refine_time > 1 else []),
+        *(["reduction"] if judges_reduction(scene) else []),
         *(["truth", *(f"prepared.{name}" for name in scene.estimator)] if scene.report.states else []),
     ]  # fmt: skip
+
+
+def judges_reduction(scene: Scene) -> bool:
+    """Whether the reduced model is held against the unseen cases: where they are projected anyway."""
+    return scene.training.method == "reduced" and scene.report.states and scene.training.product == PRODUCT
 
 
 def _plugin(builder: Builder, kind: str, table: PluginTable) -> dict[str, Any]:

@@ -5,7 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from dacore.core.space import StateSpace
+from dacore.reduction.training import Reduced
 from dacore.studies.errors import JOINT
+from dacore.studies.reduction import UnseenErrors
 from dacore.studies.refinement import Refinement
 from dacore.studies.validation import PRIOR, Outcome, Validation
 from dacore.workflow.build import Builder
@@ -104,3 +106,26 @@ def _tone(index: int, best: int, value: float, guess: float) -> Tone:
     if value > guess:
         return "bad"
     return "best" if index == best else ""
+
+
+def reduction_table(reduced: Reduced, unseen: UnseenErrors | None) -> Table:
+    """What reduced training estimates of its own error, and what it is on the unseen cases."""
+    headers = ["space–time error of", "largest estimate, all samples"]
+    if unseen is not None:
+        headers += ["unseen cases, mean", "worst", "estimate / error"]
+    rows = []
+    largest = dict(zip(reduced.model.fields, reduced.estimates.max(axis=1), strict=True))
+    for label in unseen.true if unseen is not None else largest:
+        row = [label, percent(float(largest[label])) if label in largest else "–"]
+        if unseen is not None:
+            true = unseen.true[label]
+            ratio = unseen.effectivity.get(label)
+            row += [percent(float(true.mean())), percent(float(true.max()))]
+            row.append("–" if ratio is None else f"{np.nanmin(ratio):.1f} to {np.nanmax(ratio):.1f}")
+        rows.append(row)
+    count = reduced.estimates.shape[1]
+    return Table(
+        headers, rows, "Reduced training",
+        f"{len(reduced.solved)} of {count} samples solved in full, {reduced.motions} motions each; the others by "
+        f"{reduced.model.dimension} modes. Reference of the unseen cases: the full model on the same mesh and steps.",
+    )  # fmt: skip

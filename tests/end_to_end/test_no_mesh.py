@@ -79,3 +79,8 @@ def test_what_does_not_fit_is_said_before_training(scene, tmp_path, change, mess
     with pytest.raises(SceneError, match=message):
         run_scene(scene, [change], out, workers=1)
     assert not list(out.glob("cache/training*/*.h5"))
+
+
+def test_reduced_training_of_a_model_of_its_own_kind_is_refused(scene, tmp_path):
+    with pytest.raises(SceneError, match=r"training.method: got 'reduced', .* expected 'full'"):
+        run_scene(scene, ['training.method="reduced"'], tmp_path / "out")
