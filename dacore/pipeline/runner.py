@@ -133,7 +133,7 @@ class Runner:
             if known is None and found:
                 self.ledger.keep(key, Record(stage.name, 0.0, 0.0, 0.0, found))
         elif stage.cost or found:
-            law = stage.cost(self.known_sizes()) if stage.cost and stage.name not in self._resumed else None
+            law = _law(stage, self.known_sizes()) if stage.name not in self._resumed else None
             self.ledger.keep(key, Record(stage.name, self.timings[stage.name], cpu, law.seconds if law else 0.0, found))
 
     def _load_or_compute(self, stage: Stage) -> Any:
@@ -230,9 +230,17 @@ class Runner:
             return Cost(size / READING, 2.0 * size), False
         if stage.cost is None:
             return Cost(0.0, 0.0), False
-        law = stage.cost(sizes)
+        law = _law(stage, sizes)
         if law is None:
             return None, False
         factor = self.ledger.factor(stage.name)
         left = 1.0 - min(self._pieces(stage) / stage.pieces, 1.0) if status == "resume" else 1.0
         return Cost(law.seconds * left * (factor or 1.0), law.memory), factor is not None
+
+
+def _law(stage: Stage, sizes: Mapping[str, float]) -> Cost | None:
+    """What a stage takes by its law; None without one, and where a size that it asks for is not known."""
+    try:
+        return stage.cost(sizes) if stage.cost is not None else None
+    except KeyError:
+        return None

@@ -157,6 +157,7 @@ def costs(runner):
 
 
 def test_costs_are_laws_of_what_is_known(tmp_path):
+    assert costs(Runner(Pieces().pipeline, tmp_path)) == {"work": None, "after": None}
     runner = Runner(Pieces().pipeline, tmp_path, sizes={"pieces": 8.0})
     assert costs(runner) == {"work": 80.0, "after": None}
     _ = runner["work"]
@@ -218,3 +219,9 @@ def test_memory_is_told_in_two_digits():
     assert [memory_text(size * 2.0**20) for size in (3.0, 184.0, 1000.0, 5210.0)] == [
         "10 MiB", "180 MiB", "0.98 GiB", "5.1 GiB",
     ]  # fmt: skip
+
+
+def test_a_run_that_knows_no_size_runs_all_the_same(tmp_path):
+    runner = Runner(Pieces().pipeline, tmp_path)
+    assert runner["after"] == 8
+    assert runner.ledger.factor("work") is None
