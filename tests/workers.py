@@ -27,7 +27,8 @@ class Cluster:
     def start(self, *command: object, path: Path | None = None) -> subprocess.Popen:
         """Start one of dask's commands, with `path` before everything that is installed."""
         places = [str(path)] if path is not None else []
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join([*places, str(ROOT)])}
+        places += [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(places)}
         log = (self.folder / f"{len(self.processes)}.log").open("w")
         with log:
             started = subprocess.Popen(

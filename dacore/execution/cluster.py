@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import threading
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -14,10 +15,14 @@ from typing import Any
 import dask
 from distributed import Client, LocalCluster
 from distributed.utils import silence_logging_cmgr
+from distributed.versions import VersionMismatchWarning
 
 from dacore.errors import WorkerError
 
+logger = logging.getLogger(__name__)
+
 CONNECT_SECONDS = 5
+START_SECONDS = 120
 _ADDRESS = re.compile(r"[a-z]+://\S+:\d+")
 
 # Nothing is drawn, nothing is sampled, and a worker inside a long factorisation is not taken for dead.
@@ -53,6 +58,7 @@ def local(workers: int) -> Iterator[Client]:
             with _deaf_children():
                 cluster = LocalCluster(
                     n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", memory_limit=None,
+                    death_timeout=START_SECONDS,
                     dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
                     silence_logs=logging.CRITICAL,
                 )  # fmt: skip
@@ -95,7 +101,8 @@ def connected(scheduler: str) -> Iterator[Client]:
     address = address_of(scheduler)
     with silence_logging_cmgr(logging.CRITICAL, "distributed.client"), silence_logging_cmgr(logging.CRITICAL):
         try:
-            client = Client(address, set_as_default=False, timeout=CONNECT_SECONDS)
+            with _versions_in_one_line(scheduler):
+                client = Client(address, set_as_default=False, timeout=CONNECT_SECONDS)
         except (OSError, ValueError, TimeoutError, RuntimeError) as error:
             raise WorkerError(
                 f"--scheduler {scheduler}: nobody answers at {address} ({_line(error)}); "
@@ -126,6 +133,19 @@ def address_of(scheduler: str) -> str:
     if not _ADDRESS.fullmatch(address):
         raise WorkerError(f"--scheduler {scheduler}: its address is {address!r}, expected tcp://host:port")
     return address
+
+
+@contextmanager
+def _versions_in_one_line(scheduler: str) -> Iterator[None]:
+    """Dask warns of other versions with a table; whether they work together shows at once, so a line will do."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", VersionMismatchWarning)
+        yield
+    for each in said:
+        if issubclass(each.category, VersionMismatchWarning):
+            logger.warning("--scheduler %s: its dask, or what dask uses, has other versions than here", scheduler)
+        else:
+            warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
 
 
 def _end(cluster: Any) -> None:

@@ -216,17 +216,18 @@ def test_the_command_killed_at_random_moments_ends_with_the_same_numbers(tmp_pat
 
     began = time.monotonic()
     first = run(tmp_path / "one")
-    assert first.wait() == 0, first.communicate()
-    first.communicate()
+    said = first.communicate()
+    assert first.returncode == 0, said
     seconds, rng = time.monotonic() - began, np.random.default_rng(5)
     for _ in range(8):
         running = run(tmp_path / "two")
         time.sleep(float(rng.uniform(0.1, 1)) * seconds)
         if running.poll() is None:
             kill(running, bool(rng.integers(2)))
-        running.communicate()
+        else:
+            running.communicate()
     last = run(tmp_path / "two")
-    assert last.wait() == 0, last.communicate()
-    last.communicate()
+    said = last.communicate()
+    assert last.returncode == 0, said
     assert numbers(tmp_path / "one") == numbers(tmp_path / "two")
     assert not list((tmp_path / "two").rglob(".*dacore-*"))
