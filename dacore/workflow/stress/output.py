@@ -54,7 +54,10 @@ def _row(judged: Judged, short: bool) -> list[str | Cell]:
 
 
 def _number(value: float) -> str:
-    return "–" if math.isnan(value) else "∞" if math.isinf(value) else "0" if value == 0 else f"{value:.0e}"
+    """One digit and a power of ten, with a minus that no line is broken at."""
+    if not math.isfinite(value):
+        return "–" if math.isnan(value) else "∞"
+    return "0" if value == 0 else f"{value:.0e}".replace("-", "\N{MINUS SIGN}")
 
 
 def publish(stressed: Stressed, out: Path, command: str) -> list[Path]:
