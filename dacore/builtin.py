@@ -30,7 +30,7 @@ def dacore_estimators() -> list[PluginSpec]:
 def dacore_solvers() -> list[PluginSpec]:
     """Declare the linear solvers."""
     return [
-        PluginSpec("auto", "dacore.algebra.solvers:Auto", summary="direct while the factor fits in 4 GiB, then krylov"),
+        PluginSpec("auto", "dacore.algebra.solvers:Auto", summary="direct up to 60,000 unknowns, then krylov first"),
         PluginSpec("direct", "dacore.algebra.solvers:Direct", summary="multifrontal, single precision, refined"),
         PluginSpec("krylov", "dacore.algebra.solvers:Krylov", summary="block-preconditioned GMRES"),
     ]

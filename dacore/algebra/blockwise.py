@@ -45,8 +45,11 @@ class BlockSolver(CorrectingSolver):
         elif definite.all():
             self._sweep = GaussSeidel(self.matrix)
         else:
-            self._blocks = GaussSeidel(csr_array(self.matrix[self._inner][:, self._inner]))
-            lower = self.matrix[self._outer]
+            upper = _part(self.matrix, self._inner)
+            leading = isinstance(self._inner, slice) and self._inner.start == 0
+            self._blocks = GaussSeidel(upper if leading else csr_array(upper[:, self._inner]))
+            del upper
+            lower = _part(self.matrix, self._outer)
             coupling, flow = csr_array(lower[:, self._inner]), csr_array(lower[:, self._outer])
             # The scaled A has a unit diagonal.
             self._schur = GaussSeidel(csr_array(coupling @ coupling.T - flow))
@@ -110,3 +113,13 @@ def _rows(chosen: BoolArray) -> IntArray | slice:
     rows = np.flatnonzero(chosen)
     together = len(rows) and rows[-1] - rows[0] + 1 == len(rows)
     return slice(int(rows[0]), int(rows[-1]) + 1) if together else rows
+
+
+def _part(matrix: Sparse, rows: IntArray | slice) -> Sparse:
+    """Return some rows of a matrix; without a copy of values and indices where they stand together."""
+    if not isinstance(rows, slice):
+        return matrix[rows]
+    starts = matrix.indptr[rows.start : rows.stop + 1]
+    entries = slice(int(starts[0]), int(starts[-1]))
+    shape = (rows.stop - rows.start, matrix.shape[1])
+    return csr_array((matrix.data[entries], matrix.indices[entries], starts - starts[0]), shape=shape)

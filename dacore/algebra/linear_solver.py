@@ -18,6 +18,7 @@ Single = NDArray[np.float32]
 _LEAST_NEWS = 1e-6  # a direction of which less than this is new would be mostly rounding in single precision
 _LARGEST_DIRECTION = 1e30  # of images of size one, well inside the range of single precision
 _REMEMBERED_COLUMNS = 3
+_ROWS = 20_000
 _FEW_COLUMNS = 4  # up to here one product a column is faster than scipy's product of all at once
 _LEAST_GAIN = 0.25  # a correction that leaves more than this of a residual is not worth repeating
 
@@ -71,7 +72,12 @@ class CorrectingSolver(LinearSolver):
             raise ShapeError(f"linear system: got the tolerance {tolerance}, expected a number between 0 and 1")
         matrix = canonical(matrix)
         self._scale: Array = _scales(matrix, definite)
-        data = matrix.data * self._scale[matrix.indices] * np.repeat(self._scale, np.diff(matrix.indptr))
+        data = matrix.data.astype(np.float64)
+        for begin in range(0, n, _ROWS):  # in parts: the factors of all entries would be as large as the matrix
+            starts = matrix.indptr[begin : begin + _ROWS + 1]
+            part = slice(int(starts[0]), int(starts[-1]))
+            data[part] *= self._scale[matrix.indices[part]]
+            data[part] *= np.repeat(self._scale[begin : begin + _ROWS], np.diff(starts))
         if not np.isfinite(data).all():
             raise ShapeError("linear system: the matrix holds NaN, infinite or hopelessly scaled entries")
         self.matrix: Sparse = csr_array((data, matrix.indices, matrix.indptr), shape=(n, n))
@@ -264,11 +270,13 @@ def _scales(matrix: Sparse, definite: BoolArray) -> Array:
     diagonal = np.asarray(matrix.diagonal(), dtype=np.float64)
     wrong = np.where(definite, ~(diagonal > 0.0), ~(diagonal <= 0.0))
     if not wrong.any():
-        rows = np.repeat(np.arange(len(definite)), np.diff(matrix.indptr))
-        coupling = ~definite[rows] & definite[matrix.indices]
+        outer = np.flatnonzero(~definite)
+        lower = matrix[outer]
+        coupling = definite[lower.indices]
+        rows = np.repeat(outer, np.diff(lower.indptr))[coupling]
         # Divide before squaring: the squares of badly scaled entries may overflow.
-        shares = matrix.data[coupling] / np.sqrt(diagonal[matrix.indices[coupling]])
-        diagonal = np.abs(diagonal) + np.bincount(rows[coupling], shares**2, minlength=len(definite))
+        shares = lower.data[coupling] / np.sqrt(diagonal[lower.indices[coupling]])
+        diagonal = np.abs(diagonal) + np.bincount(rows, shares**2, minlength=len(definite))
         wrong = ~(diagonal > 0.0)
     if wrong.any():
         raise ShapeError(

@@ -1,24 +1,7 @@
 """The built-in linear solvers, declared through the plugin door.
 
-CPU seconds of one thread over a cycle of 40 time steps of poroelasticity on anatomical meshes, the
-ordering found beforehand, memory beyond the matrix (``tests/benchmarks/solvers.py``):
-
-========  ========  =========  ========================  =======  =======  ====  ======
-nodes     unknowns  tolerance  method                    set-up   a step   its   GiB
-========  ========  =========  ========================  =======  =======  ====  ======
-5,055     18,176    1e-10      direct                    0.25     0.026    –     0.05
-5,055     18,176    1e-10      krylov                    0.19     0.047    18    0.02
-5,055     18,176    1e-10      SuperLU, minimum degree   2.66     0.020    –     0.19
-5,055     18,176    1e-10      BiCGSTAB, diagonal        0.01     0.37     351   0.00
-33,111    123,921   1e-8       direct                    7.9      0.19     –     0.85
-33,111    123,921   1e-8       krylov                    2.5      0.63     22    0.32
-33,111    123,921   1e-8       BiCGSTAB, diagonal        0.1      3.5      409   0.00
-101,707   387,675   1e-8       direct                    73       0.71     –     4.4
-101,707   387,675   1e-8       krylov                    15       5.5      43    1.8
-========  ========  =========  ========================  =======  =======  ====  ======
-
-The direct method also works where the iteration stalls (ν → 1/2, large time steps, static problems),
-so `Auto` takes it whenever the factor fits in memory. Ordering costs 0.4, 2.3 and 9 seconds once.
+What they cost beside the plugins' solvers, and how `Auto` chooses, is in ``docs/solvers.md``; measured by
+``tests/benchmarks/solvers.py``.
 """
 
 from dataclasses import dataclass

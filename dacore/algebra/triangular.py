@@ -20,16 +20,17 @@ class GaussSeidel:
 
     Parameters
     ----------
-    matrix : (n, n) csr_array
-        With no entry twice.
+    matrix : (n, m) csr_array
+        A in its first n columns, with no entry twice; the others are not looked at.
     """
 
     def __init__(self, matrix: Sparse) -> None:
+        n = matrix.shape[0]
         self._diagonal: Single = matrix.diagonal().astype(np.float32)
-        rows = np.repeat(np.arange(matrix.shape[0], dtype=matrix.indices.dtype), np.diff(matrix.indptr))
-        self._below = csr_array(_chosen(matrix, matrix.indices < rows), shape=matrix.shape)
+        rows = np.repeat(np.arange(n, dtype=matrix.indices.dtype), np.diff(matrix.indptr))
+        self._below = csr_array(_chosen(matrix, matrix.indices < rows), shape=(n, n))
         # The rows of the upper triangle are the columns of the lower one.
-        lower = csc_array(_chosen(matrix, matrix.indices >= rows), shape=matrix.shape)
+        lower = csc_array(_chosen(matrix, (matrix.indices >= rows) & (matrix.indices < n)), shape=(n, n))
         del rows
         self._triangle = splu(
             lower,

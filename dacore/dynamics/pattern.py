@@ -18,6 +18,8 @@ from dacore.errors import ShapeError
 
 Places = NDArray[np.int32]
 
+_ENTRIES = 2**19
+
 
 class PatternSum:
     """Two blocks of Σ_i c_i · T_i for fixed matrices T_i of one shape: some rows, and two sets of columns of them.
@@ -66,8 +68,9 @@ class PatternSum:
         # What lies outside the blocks is gathered in one more entry.
         data = np.zeros(self._size + 1)
         for coefficient, matrix, places in zip(coefficients, self._matrices, self._places, strict=True):
-            if coefficient:
-                data[places] += coefficient * matrix.data
+            for begin in range(0, len(places) if coefficient else 0, _ENTRIES):  # bounds the work space
+                part = slice(begin, begin + _ENTRIES)
+                data[places[part]] += coefficient * matrix.data[part]
         blocks, begin = [], 0
         for (indices, indptr), shape in zip(self._patterns, self._shapes, strict=True):
             block = csr_array((data[begin : begin + len(indices)], indices, indptr), shape=shape)

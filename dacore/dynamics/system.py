@@ -20,7 +20,7 @@ from dacore.dynamics.scheme import Scheme, State, StepRule
 from dacore.errors import AccuracyError, ShapeError
 
 _SYMMETRY_TOLERANCE = 1e-10
-_CHECKED_ROWS = 25_000
+_ROWS = 25_000
 
 
 class StepSystem:
@@ -172,7 +172,9 @@ def load_profiles(loads: Sequence[Load], times: Array) -> Array:
 
 def scale_rows(matrix: Sparse, scale: Array) -> Sparse:
     """Multiply the rows of a matrix by `scale` (r,) in place, and return it."""
-    matrix.data *= np.repeat(scale, np.diff(matrix.indptr))
+    for begin in range(0, len(scale), _ROWS):  # in parts: the factors of all entries would be as large as the matrix
+        starts = matrix.indptr[begin : begin + _ROWS + 1]
+        matrix.data[starts[0] : starts[-1]] *= np.repeat(scale[begin : begin + _ROWS], np.diff(starts))
     return matrix
 
 
@@ -189,8 +191,8 @@ def _check_symmetry(matrix: Sparse, definite: BoolArray) -> None:
     unit = dia_array((scale[None, :], [0]), shape=matrix.shape)
     scaled = csr_array(unit @ matrix @ unit)
     error = 0.0
-    for begin in range(0, len(scale), _CHECKED_ROWS):  # differences of the whole would be as large as the matrix
-        part = slice(begin, begin + _CHECKED_ROWS)
+    for begin in range(0, len(scale), _ROWS):  # differences of the whole would be as large as the matrix
+        part = slice(begin, begin + _ROWS)
         error = max(error, float(np.abs((scaled[part] - scaled[:, part].T).data).max(initial=0.0)))
     if error > _SYMMETRY_TOLERANCE * float(np.abs(scaled.data).max()):
         raise AccuracyError(

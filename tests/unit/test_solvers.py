@@ -314,6 +314,8 @@ def test_a_gauss_seidel_sweep_is_what_its_formula_says():
     np.testing.assert_allclose(solution, wanted, atol=1e-6)
     np.testing.assert_allclose(image, dense @ wanted, atol=1e-5)
     np.testing.assert_array_equal(sweep(load.astype(np.float32)), solution)
+    wider = GaussSeidel(csr_array(block_array([[matrix, matrix + eye_array(64)]])))
+    np.testing.assert_array_equal(wider(load.astype(np.float32)), solution)
 
 
 def test_the_memory_grows_with_the_columns_and_forgets_the_oldest():
