@@ -161,7 +161,7 @@ class PreparedPBDW(PreparedEstimator):
         self.steps, self.offset, self.frames, self.riesz, self.weights = steps, offset, tuple(frames), riesz, weights
         self.observed_modes = background.observe(functionals.matrix)
         self.keep = np.arange(functionals.count) if mask is None else np.flatnonzero(mask)
-        self.factor = orthonormaliser(riesz.gram, functionals.labels, mask)
+        self.factor = orthonormaliser(riesz.blocks, functionals.labels, mask)
         seen = self.observed_modes[self.keep]
         self.cross = [lower_solve(self.factor, seen @ frame.modes) for frame in self.frames]
         self.constants = [inf_sup_constants(cross) for cross in self.cross]

@@ -98,6 +98,7 @@ class Training(Table):
     seed: Annotated[int, Field(ge=0)] = 1
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-6
     product: Literal["l2", "h1"] = "l2"
+    memory: Positive | None = None
     method: Literal["full", "reduced"] = "full"
     reduction: Annotated[float, Field(gt=0, lt=1)] = 1e-4
     most: Annotated[int, Field(ge=8)] = 64

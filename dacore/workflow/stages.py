@@ -147,7 +147,7 @@ def scene_pipeline(
         settings = scene.training
         return compress(
             results["model"].space, training, results["parameters"], training.samples, settings.tolerance,
-            settings.product, workers, show.meter("background"),
+            settings.product, workers, show.meter("background"), settings.memory,
         )  # fmt: skip
 
     def load_functionals(path: Path, results: Results) -> Functionals:
@@ -316,7 +316,7 @@ def scene_pipeline(
                     noted("training"), "trajectories",
                 ),
                 Stage(
-                    "background", ("training",), scene.training.model_dump(include={"tolerance", "product"}),
+                    "background", ("training",), scene.training.model_dump(include={"tolerance", "product", "memory"}),
                     make_background,
                     Codec(
                         ".h5", write_background,
