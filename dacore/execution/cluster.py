@@ -14,7 +14,6 @@ from typing import Any
 
 import dask
 from distributed import Client, LocalCluster
-from distributed.utils import silence_logging_cmgr
 from distributed.versions import VersionMismatchWarning
 
 from dacore.errors import WorkerError
@@ -52,7 +51,7 @@ def local(workers: int) -> Iterator[Client]:
         If they cannot be started.
     """
     environment = dict(os.environ)
-    with dask.config.set(_QUIET), silence_logging_cmgr(logging.CRITICAL):
+    with dask.config.set(_QUIET), _silent():
         cluster = None
         try:
             with _deaf_children():
@@ -99,7 +98,7 @@ def connected(scheduler: str) -> Iterator[Client]:
         If it cannot be read or reached.
     """
     address = address_of(scheduler)
-    with silence_logging_cmgr(logging.CRITICAL, "distributed.client"), silence_logging_cmgr(logging.CRITICAL):
+    with _silent():
         try:
             with _versions_in_one_line(scheduler):
                 client = Client(address, set_as_default=False, timeout=CONNECT_SECONDS)
@@ -146,6 +145,21 @@ def _versions_in_one_line(scheduler: str) -> Iterator[None]:
             logger.warning("--scheduler %s: its dask, or what dask uses, has other versions than here", scheduler)
         else:
             warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Nothing of dask's own log: what concerns the user comes as an error of ours."""
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]
+    before = {name: logging.getLogger(name).level for name in ("distributed", *names)}
+    for name, level in before.items():
+        if level != logging.NOTSET or name == "distributed":
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for name, level in before.items():
+            logging.getLogger(name).setLevel(level)
 
 
 def _end(cluster: Any) -> None:
