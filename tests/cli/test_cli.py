@@ -127,6 +127,35 @@ def test_ctrl_c_says_that_nothing_is_lost_and_leaves_no_worker(tmp_path):
     assert "training" in dacore("plan", TOY, "--out", tmp_path, "--set", "training.samples=2000").stdout
 
 
+def test_bench_says_what_failed_and_still_writes_everything(tmp_path):
+    out = tmp_path / "out"
+    small = ["--set", "domain.edge=3.0", "--set", "time.steps=2"]
+    done = dacore(
+        "bench",
+        TOY,
+        "--out",
+        out,
+        *small,
+        "--only",
+        "growth",
+        "--growth",
+        "solver.tolerance=1e-300,1e-8",
+        "--workers",
+        1,
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: growth: 1e-300: ")
+    assert "relative residual" in done.stderr
+    points = json.loads((out / "bench.json").read_text())["points"]
+    assert [point["error"] is None for point in points] == [False, True]
+    assert points[1]["costs"]["step"] > 0.0
+    assert "what failed" in done.stdout
+    assert (out / "report.html").exists()
+    bad = dacore("bench", TOY, "--only", "speed")
+    assert bad.returncode == 2
+    assert bad.stderr.startswith("error: --only: got 'speed', expected forward, voxels, estimate, costs")
+
+
 def test_stress_judges_cases_and_writes_a_report(tmp_path):
     out = tmp_path / "out"
     page = tmp_path / "page.md"
