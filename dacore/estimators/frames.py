@@ -6,15 +6,19 @@ set) is a singular value decomposition of a small array.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
+from dacore.algebra.svd import condensed, left_svd
 from dacore.core.arrays import Array, BoolArray
 from dacore.core.background import Background
 from dacore.core.reduced import relative_tails
 from dacore.errors import ShapeError
+
+# Groups of trajectories that are held out in turn.
+FOLDS = 8
 
 Centring = Literal["none", "cycle", "phase"]
 Spaces = Literal["cycle", "phase"]
@@ -126,7 +130,7 @@ def build_frames(
 
 def _frame(scaled: Array, scale: Array, max_dimension: int, size: float) -> Frame:
     """Modes of one set; none where nothing varies, as at a time when a load has not begun."""
-    vectors, values, _ = np.linalg.svd(scaled, full_matrices=False)
+    vectors, values = left_svd(scaled)
     # What is left of equal trajectories less their mean is rounding.
     rank = int((values > 1e-13 * values[0]).sum()) if values[0] > 1e-13 * size else 0
     return Frame(vectors[:, : min(max_dimension, rank)] / scale[:, None], values, relative_tails(values))
@@ -138,14 +142,31 @@ def fold_masks(count: int, folds: int) -> list[BoolArray]:
     return [np.arange(count) % folds == fold for fold in range(folds)] if count > 2 else []
 
 
-def held_out_tails(
-    coefficients: Array, centring: Centring, scale: Array, spaces: Spaces, max_dimension: int, folds: int = 8
-) -> list[Array]:
-    """ε̂_n of each space, measured on trajectories held out, n = 0 … max_dimension.
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """Spaces built without some of the trajectories.
 
-    A space of as many modes as there are samples represents its own training set exactly, so the
-    tail of the singular values says nothing about unseen cases; this one does. The offset, too, is that
-    of the other trajectories.
+    Parameters
+    ----------
+    mask : (K,) bool array
+        Who is held out.
+    offset : (r, t) array
+        Of the others.
+    frames : tuple of Frame
+        Of the others: one, or one for each phase.
+    """
+
+    mask: BoolArray
+    offset: Array
+    frames: tuple[Frame, ...]
+
+
+def held_out_frames(
+    coefficients: Array, centring: Centring, scale: Array, spaces: Spaces, max_dimension: int, folds: int = FOLDS
+) -> list[Fold]:
+    """Build the spaces again without each group of trajectories in turn.
+
+    Spaces of one phase are built in the few directions its trajectories have, which all groups share.
 
     Parameters
     ----------
@@ -155,20 +176,51 @@ def held_out_tails(
     spaces : {"cycle", "phase"}
     max_dimension : int
     folds : int
+        Groups; none are made of fewer than three samples.
+    """
+    masks = fold_masks(coefficients.shape[2], folds)
+    offsets = [offset_of(coefficients[:, :, ~mask], centring) for mask in masks]
+    if spaces == "cycle":
+        return [
+            Fold(mask, offset, build_frames(coefficients[:, :, ~mask], offset, scale, spaces, max_dimension))
+            for mask, offset in zip(masks, offsets, strict=True)
+        ]
+    frames: list[list[Frame]] = [[] for _ in masks]
+    for k in range(coefficients.shape[1] if masks else 0):
+        directions, parts = condensed(scale[:, None] * coefficients[:, k])
+        size = float(np.linalg.norm(parts))
+        for mask, offset, found in zip(masks, offsets, frames, strict=True):
+            middle = directions.T @ (scale * offset[:, k])
+            small = _frame(parts[:, ~mask] - middle[:, None], np.ones(len(parts)), max_dimension, size)
+            found.append(replace(small, modes=(directions @ small.modes) / scale[:, None]))
+    return [Fold(*each) for each in zip(masks, offsets, map(tuple, frames), strict=True)]
+
+
+def held_out_tails(coefficients: Array, scale: Array, folds: Sequence[Fold], max_dimension: int) -> list[Array]:
+    """ε̂_n of each space, measured on trajectories held out, n = 0 … max_dimension.
+
+    A space of as many modes as there are samples represents its own training set exactly, so the
+    tail of the singular values says nothing about unseen cases; this one does. The offset, too, is that
+    of the other trajectories.
+
+    Parameters
+    ----------
+    coefficients : (r, t, K) array
+    scale : (r,) array
+    folds : sequence of Fold
+    max_dimension : int
 
     Returns
     -------
     list of (max_dimension + 1,) arrays
         Continued with its last value where a fold has fewer modes; all ones for fewer than three samples.
     """
-    t = coefficients.shape[1]
-    totals = np.zeros((t if spaces == "phase" else 1, max_dimension + 1))
-    for mask in fold_masks(coefficients.shape[2], folds):
-        offset = offset_of(coefficients[:, :, ~mask], centring)
-        frames = build_frames(coefficients[:, :, ~mask], offset, scale, spaces, max_dimension)
-        held = scale[:, None, None] * (coefficients[:, :, mask] - offset[:, :, None])
-        for k, frame in enumerate(frames):
-            data = held[:, k] if spaces == "phase" else held.reshape(len(scale), -1)
+    count = len(folds[0].frames) if folds else coefficients.shape[1]
+    totals = np.zeros((count, max_dimension + 1))
+    for fold in folds:
+        held = scale[:, None, None] * (coefficients[:, :, fold.mask] - fold.offset[:, :, None])
+        for k, frame in enumerate(fold.frames):
+            data = held[:, k] if count > 1 or held.shape[1] == 1 else held.reshape(len(scale), -1)
             vectors = scale[:, None] * frame.modes
             parts = vectors.T @ data
             rest = data - vectors @ parts

@@ -16,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 
+from dacore.algebra.svd import thin_svd
 from dacore.core.arrays import Array, BoolArray, IntArray
 from dacore.core.background import Background
 from dacore.core.estimator import (
@@ -34,7 +35,7 @@ from dacore.core.noise import NoiseModel
 from dacore.core.observation import Functionals
 from dacore.core.quantity import QuantityOfInterest
 from dacore.errors import ShapeError
-from dacore.estimators.frames import fold_masks
+from dacore.estimators.frames import FOLDS, fold_masks
 from dacore.estimators.plausible import Plausibility
 
 SMALLEST_FLOOR = 1e-12
@@ -110,9 +111,13 @@ class PreparedMinimumVariance(PreparedEstimator):
         self._kept_noise = noise if mask is None else noise.marginal(mask)
         self._plausibility = Plausibility(observed[self.keep], training, self._kept_noise)
         windows = self._windows(self._kept_noise.whiten(np.tensordot(observed[self.keep], self.anomalies, axes=1)))
-        self._white = windows
-        self.factors = [np.linalg.svd(window, full_matrices=False) for window in windows]
-        self.floors = [self._floor(window, s[0]) for window, (_, s, _) in zip(windows, self.factors, strict=True)]
+        self.factors = [thin_svd(window) for window in windows]
+        # In the directions of all samples, of which there are few, groups of them are held out at little cost.
+        self._white = [s[:, None] * vt for _, s, vt in self.factors]
+        self.floors = [
+            self._floor(white, s[0], window.size)
+            for white, window, (_, s, _) in zip(self._white, windows, self.factors, strict=True)
+        ]
 
     def _windows(self, white: Array) -> list[Array]:
         """Whitened values (m, t, k) in groups that are used together: (m · t, k), or t of (m, k)."""
@@ -125,23 +130,23 @@ class PreparedMinimumVariance(PreparedEstimator):
         """The same estimate without some trajectories, and what it makes of their exact data."""
         count = self.background.n_samples
         folds = []
-        for mask in fold_masks(count, 8):
+        for mask in fold_masks(count, FOLDS):
             others = int((~mask).sum())
             anomalies = self.anomalies[:, :, ~mask]
             mean = anomalies.mean(axis=2)
             factors = []
             for window in self._white:
                 middle = window[:, ~mask].mean(axis=1, keepdims=True)
-                u, s, vt = np.linalg.svd((window[:, ~mask] - middle) * _unit(count, others), full_matrices=False)
+                u, s, vt = thin_svd((window[:, ~mask] - middle) * _unit(count, others))
                 factors.append((s, vt, u.T @ (window[:, mask] - middle)))
             folds.append(_Fold(mask, (anomalies - mean[:, :, None]) * _unit(count, others), mean, factors))
         return folds
 
-    def _floor(self, white: Array, largest: float) -> float:
+    def _floor(self, white: Array, largest: float, size: int) -> float:
         smallest = SMALLEST_FLOOR * largest
         if self.settings.floor != "held_out":
             return max(self.settings.floor * largest, smallest)
-        return max(unrepresented(white * np.sqrt(self.background.n_samples - 1)), smallest)
+        return max(unrepresented(white * np.sqrt(self.background.n_samples - 1), size), smallest)
 
     @property
     def inf_sup(self) -> Array:
@@ -202,26 +207,26 @@ class PreparedMinimumVariance(PreparedEstimator):
         return Readout(gain, offset, np.sqrt(self._uncertainty(scale).variance(on_modes, None)[:, 0]))
 
 
-def unrepresented(values: Array, folds: int = 8) -> float:
+def unrepresented(values: Array, size: int | None = None) -> float:
     """Root mean square, over data, of the part of held-out samples that the other samples cannot represent.
 
     Parameters
     ----------
     values : (m, K) array
-        One sample a column.
-    folds : int
-        Groups of samples held out in turn.
+        One sample a column; as they are, or in coordinates of fewer directions that hold all of them.
+    size : int, optional
+        Number of values there were before they were put into fewer directions.
     """
     total = 0.0
-    for held_out in fold_masks(values.shape[1], folds):
+    for held_out in fold_masks(values.shape[1], FOLDS):
         mean = values[:, ~held_out].mean(axis=1, keepdims=True)
         basis, r = np.linalg.qr(values[:, ~held_out] - mean)
-        size = np.abs(np.diag(r))
-        basis = basis[:, size > 1e-12 * size.max(initial=0.0)]
+        length = np.abs(np.diag(r))
+        basis = basis[:, length > 1e-12 * length.max(initial=0.0)]
         left = values[:, held_out] - mean
         left = left - basis @ (basis.T @ left)
         total += float((left**2).sum())
-    return float(np.sqrt(total / values.size))
+    return float(np.sqrt(total / (size or values.size)))
 
 
 def _warn_of_few_samples(background: Background) -> None:

@@ -38,20 +38,20 @@ from dacore.core.quantity import QuantityOfInterest
 from dacore.errors import ShapeError, UnstableError
 from dacore.estimators.frames import (
     Centring,
+    Fold,
     Frame,
     Spaces,
     Weights,
     build_frames,
     check_fields,
     field_weights,
-    fold_masks,
+    held_out_frames,
     held_out_tails,
     offset_of,
 )
 from dacore.estimators.plausible import Plausibility
 
 SMALLEST_INF_SUP = 1e-10
-DEVIATION_FOLDS = 5
 
 
 @dataclass(frozen=True)
@@ -104,11 +104,13 @@ class PBDW(Estimator):
         scale = background.scale(weights)
         limit = self.max_dimension if self.n == "bound" else max(self.n, self.max_dimension)
         frames = build_frames(coefficients, offset, scale, self.spaces, limit)
+        folds = None
         if self.tails == "held_out":
-            tails = held_out_tails(coefficients, self.centring, scale, self.spaces, limit)
+            folds = held_out_frames(coefficients, self.centring, scale, self.spaces, limit)
+            tails = held_out_tails(coefficients, scale, folds, limit)
             frames = tuple(replace(frame, tails=tail) for frame, tail in zip(frames, tails, strict=True))
         riesz = RieszMap(background.space, functionals, weights, background.kind)
-        return PreparedPBDW(self, background, functionals, noise, observed, offset, frames, riesz, weights)
+        return PreparedPBDW(self, background, functionals, noise, observed, offset, frames, riesz, weights, folds=folds)
 
     def check(self, layout: Layout, samples: int) -> None:
         """Refuse what no training can mend: a weight left open, more modes than samples can give."""
@@ -156,7 +158,9 @@ class PreparedPBDW(PreparedEstimator):
         riesz: RieszMap,
         weights: dict[str, float],
         mask: BoolArray | None = None,
+        folds: list[Fold] | None = None,
     ) -> None:
+        self._folds = folds
         self.settings, self.background, self.functionals, self.noise = settings, background, functionals, noise
         self.steps, self.offset, self.frames, self.riesz, self.weights = steps, offset, tuple(frames), riesz, weights
         self.observed_modes = background.observe(functionals.matrix)
@@ -299,17 +303,18 @@ class PreparedPBDW(PreparedEstimator):
     @cached_property
     def held_out(self) -> list[tuple[BoolArray, Array, list[Array]]]:
         """For each group of training trajectories: who is held out, and the others' offset and modes."""
-        coefficients = self.background.coefficients[:, self.steps]
-        scale = self.background.scale(self.weights)
-        most = int(self.dimensions.max())
-        out = []
-        for mask in fold_masks(coefficients.shape[2], DEVIATION_FOLDS):
-            others = coefficients[:, :, ~mask]
-            offset = offset_of(others, self.settings.centring)
-            frames = build_frames(others, offset, scale, self.settings.spaces, most)
-            modes = [frame.modes[:, :n].copy() for frame, n in zip(frames, self.dimensions, strict=True)]
-            out.append((mask, offset, modes))
-        return out
+        if self._folds is None:
+            self._folds = held_out_frames(
+                self.background.coefficients[:, self.steps], self.settings.centring,
+                self.background.scale(self.weights), self.settings.spaces, int(self.dimensions.max()),
+            )  # fmt: skip
+        return [
+            (
+                fold.mask, fold.offset,
+                [frame.modes[:, :n] for frame, n in zip(fold.frames, self.dimensions, strict=True)],
+            )
+            for fold in self._folds
+        ]  # fmt: skip
 
     def held_out_gain(self, modes: Array, on_modes: Array, on_correction: Array | None) -> Array:
         """`data_gain` of a space built without some trajectories."""

@@ -8,8 +8,9 @@ decomposition of an (r_f, r_f) array, whatever the number of samples and steps.
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.linalg import eigh, qr
+from scipy.linalg import eigh
 
+from dacore.algebra.svd import left_svd
 from dacore.core.arrays import Array
 from dacore.core.background import Background
 from dacore.core.parameters import ParameterSpace
@@ -66,7 +67,7 @@ def background_of(
         local[size:, modes:] = change
         start += size
         data = np.tensordot(local, states, axes=1).reshape(len(local), -1)
-        vectors, values = _principal(data)
+        vectors, values = left_svd(data)
         tails = relative_tails(values)
         keep = max(int(np.argmax(tails <= tolerance)), 1)
         full = np.zeros((space.layout.block(name).stop - space.layout.block(name).start, keep))
@@ -94,11 +95,3 @@ def _lifted(galerkin: Galerkin, space: StateSpace, name: str, products: Array) -
     directions = (values * unit) @ (vectors[:, new] / np.sqrt(squares[new]))
     change = np.sqrt(squares[new])[:, None] * vectors[:, new].T * size[None, :]
     return directions, change
-
-
-def _principal(data: Array) -> tuple[Array, Array]:
-    """Left singular vectors and values of data (r, k), exact to round-off, without the right ones."""
-    if data.shape[1] > data.shape[0]:
-        data = qr(data.T, mode="r", check_finite=False)[0][: data.shape[0]].T
-    vectors, values, _ = np.linalg.svd(data, full_matrices=False)
-    return vectors, values

@@ -11,7 +11,7 @@ from dacore.algebra.gram import RieszMap, orthonormaliser
 from dacore.algebra.stability import inf_sup_constants
 from dacore.core.noise import WhiteNoise
 from dacore.errors import ShapeError, UnstableError
-from dacore.estimators.frames import build_frames, held_out_tails, offset_of
+from dacore.estimators.frames import FOLDS, build_frames, held_out_frames, held_out_tails, offset_of
 from dacore.estimators.pbdw import PBDW
 from dacore.estimators.saddle_point import solve_saddle_point
 from tests.spaces import Chain, functionals_of, random_background, random_functionals
@@ -215,8 +215,8 @@ def test_claimed_variance_is_that_of_held_out_errors_and_of_noise(seed, variant)
     on_correction = np.einsum("t,sm->stm", weights, prepared.riesz.pair(probe))
     claimed = estimate.uncertainty.variance(on_modes, on_correction)[:, 0]
     total = np.zeros(2)
-    for fold in range(5):
-        mask = np.arange(background.n_samples) % 5 == fold
+    for fold in range(FOLDS):
+        mask = np.arange(background.n_samples) % FOLDS == fold
         fewer = replace(
             background, coefficients=background.coefficients[:, :, ~mask], samples=background.samples[~mask]
         )
@@ -238,11 +238,26 @@ def test_held_out_tails_do_not_know_what_they_predict():
     """With as many modes as samples but one, a space spans its own training set; unseen samples it does not."""
     rng = np.random.default_rng(0)
     coefficients = rng.standard_normal((40, 1, 6))
-    (tails,) = held_out_tails(coefficients, "phase", np.ones(40), "phase", 5)
+    folds = held_out_frames(coefficients, "phase", np.ones(40), "phase", 5)
+    (tails,) = held_out_tails(coefficients, np.ones(40), folds, 5)
     assert tails[5] > 0.5
     offset = offset_of(coefficients, "phase")
     (frame,) = build_frames(coefficients, offset, np.ones(40), "phase", 5)
     assert frame.tails[5] < 1e-10
+
+
+@pytest.mark.parametrize("centring", ["none", "cycle", "phase"])
+def test_spaces_of_phases_without_a_group_are_those_of_the_others(centring):
+    """The short cut through the directions of all trajectories gives the spaces one would build directly."""
+    rng = np.random.default_rng(2)
+    coefficients, scale = rng.standard_normal((9, 3, 16)), rng.uniform(0.1, 2.0, 9)
+    for fold in held_out_frames(coefficients, centring, scale, "phase", 4):
+        others = coefficients[:, :, ~fold.mask]
+        assert np.array_equal(fold.offset, offset_of(others, centring))
+        for short, direct in zip(fold.frames, build_frames(others, fold.offset, scale, "phase", 4), strict=True):
+            assert np.allclose(short.singular_values[:9], direct.singular_values[:9], rtol=1e-10)
+            gram = (scale[:, None] * short.modes).T @ (scale[:, None] * direct.modes)
+            assert np.allclose(np.abs(gram), np.eye(4), atol=1e-9)
 
 
 def test_a_training_set_that_does_not_vary_is_refused():
