@@ -1,7 +1,7 @@
 """Solve a model for many parameter vectors, on as many workers as there are, into a store."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from dacore.core.arrays import Array
 from dacore.core.model import ForwardModel, Trajectory
 from dacore.core.parameters import ParameterSpace, Sampling
 from dacore.errors import ConvergenceError, DacoreError, ShapeError
-from dacore.execution.foreach import for_each
+from dacore.execution.foreach import Run, crew
 from dacore.io.leftovers import present
 from dacore.io.snapshots import TrajectoryStore
 
@@ -36,17 +36,95 @@ class Sample:
         return f"sample {self.index} ({values})"
 
 
-def solve_all(
+class Solver:
+    """Solves for samples that a store does not hold yet, as often as it is asked; `solving` makes it.
+
+    Parameters
+    ----------
+    run : callable
+        Takes samples; yields each with its trajectory.
+    parameters : ParameterSpace
+        Names the columns of `samples`.
+    samples : (K, n_parameters) array
+    store : TrajectoryStore
+    units : dict of str to str
+        Of the fields.
+    """
+
+    def __init__(
+        self,
+        run: Run[Sample, Trajectory],
+        parameters: ParameterSpace,
+        samples: Array,
+        store: TrajectoryStore,
+        units: dict[str, str],
+    ) -> None:
+        self._run, self._parameters, self._samples = run, parameters, samples
+        self._store, self._units = store, units
+
+    def __call__(self, numbers: Sequence[int], progress: Progress | None = None) -> int:
+        """Solve for the samples of these numbers that the store lacks.
+
+        Parameters
+        ----------
+        numbers : sequence of int
+        progress : callable, optional
+            Called with (done, total).
+
+        Returns
+        -------
+        int
+            How many trajectories were solved now.
+
+        Raises
+        ------
+        ConvergenceError
+            Names the sample whose solve failed; what is done stays in the store.
+        WorkerError
+            If workers cannot be had or die at their work; what is done stays in the store.
+        """
+        store, total = self._store, len(numbers)
+        missing = [self._sample(number) for number in numbers if not store.intact(number)]
+        if progress:
+            progress(total - len(missing), total)
+        if not missing:
+            return 0
+        names = [parameter.name for parameter in self._parameters.parameters]
+        solved = found = 0
+
+        def still_missing(order: Iterable[Sample]) -> Iterator[Sample]:
+            nonlocal found
+            for sample in order:
+                if store.intact(sample.index):  # by now, through another process
+                    found += 1
+                else:
+                    yield sample
+
+        with (
+            present(store.folder) as before,
+            closing(self._run(still_missing(_apart(missing, before)))) as results,
+        ):
+            for sample, trajectory in results:
+                store.write(sample.index, trajectory, self._samples[sample.index], names, self._units)
+                solved += 1
+                if progress:
+                    progress(total - len(missing) + solved + found, total)
+        return solved
+
+    def _sample(self, number: int) -> Sample:
+        return Sample(number, dict(self._parameters.as_mapping(self._samples[number])))
+
+
+@contextmanager
+def solving(
     model: ForwardModel,
     parameters: ParameterSpace,
     samples: Array,
     store: TrajectoryStore,
     workers: int = 1,
-    progress: Progress | None = None,
     scheduler: str | None = None,
-    only: Sequence[int] | None = None,
-) -> int:
-    """Solve for every sample that the store does not hold yet.
+) -> Iterator[Solver]:
+    """Workers that hold a model, for several lists of samples; none is started before something is missing.
 
     Another process may fill the same store meanwhile: what it has finished is not begun here, and the
     two begin at different ends.
@@ -60,60 +138,47 @@ def solve_all(
     samples : (K, n_parameters) array
     store : TrajectoryStore
     workers : int
-        Processes; each uses one BLAS thread.
-    progress : callable, optional
-        Called with (done, total).
+        Processes; each uses one BLAS thread. They end with the block.
     scheduler : str, optional
         Of a dask cluster: ``tcp://host:port`` or the path of its scheduler file. Its workers solve, this
         process writes.
-    only : sequence of int, optional
-        Numbers of the samples to solve for; all by default.
+
+    Yields
+    ------
+    Solver
+    """
+    units = {field.name: field.unit for field in model.space.fields}
+    with crew(_solve, model, workers, scheduler, str) as run:
+        yield Solver(run, parameters, samples, store, units)
+
+
+def solve_all(
+    model: ForwardModel,
+    parameters: ParameterSpace,
+    samples: Array,
+    store: TrajectoryStore,
+    workers: int = 1,
+    progress: Progress | None = None,
+    scheduler: str | None = None,
+) -> int:
+    """Solve for every sample that the store does not hold yet; see `solving` and `Solver`.
+
+    Parameters
+    ----------
+    model, parameters, samples, store, workers, scheduler
+        As for `solving`; no more workers are started than trajectories are missing.
+    progress : callable, optional
+        Called with (done, total).
 
     Returns
     -------
     int
         How many trajectories were solved now.
-
-    Raises
-    ------
-    ConvergenceError
-        Names the sample whose solve failed; what is done stays in the store.
-    WorkerError
-        If workers cannot be had or die at their work; what is done stays in the store.
     """
-    wanted = range(len(samples)) if only is None else only
-    total = len(wanted)
-    missing = [
-        Sample(index, dict(parameters.as_mapping(samples[index]))) for index in wanted if not store.intact(index)
-    ]
-    if progress:
-        progress(total - len(missing), total)
-    if not missing:
-        return 0
-    units = {field.name: field.unit for field in model.space.fields}
-    names = [parameter.name for parameter in parameters.parameters]
-    solved = found = 0
-
-    def still_missing(order: Iterable[Sample]) -> Iterator[Sample]:
-        nonlocal found
-        for sample in order:
-            if store.intact(sample.index):  # by now, through another process
-                found += 1
-            else:
-                yield sample
-
-    with (
-        present(store.folder) as before,
-        closing(
-            for_each(_solve, model, still_missing(_apart(missing, before)), min(workers, len(missing)), scheduler, str)
-        ) as results,
-    ):
-        for sample, trajectory in results:
-            store.write(sample.index, trajectory, samples[sample.index], names, units)
-            solved += 1
-            if progress:
-                progress(total - len(missing) + solved + found, total)
-    return solved
+    everything = range(len(samples))
+    missing = sum(not store.intact(number) for number in everything)
+    with solving(model, parameters, samples, store, min(workers, missing), scheduler) as solve:
+        return solve(everything, progress)
 
 
 def _apart(missing: Sequence[Sample], before: int) -> Sequence[Sample]:

@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import threading
+import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -50,7 +51,7 @@ def local(workers: int) -> Iterator[Client]:
     WorkerError
         If they cannot be started.
     """
-    environment = dict(os.environ)
+    before = set(os.environ)
     with dask.config.set(_QUIET), _silent():
         cluster = None
         try:
@@ -61,6 +62,9 @@ def local(workers: int) -> Iterator[Client]:
                     dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
                     silence_logs=logging.CRITICAL,
                 )  # fmt: skip
+            # Dask adds variables here for the sake of its processes, and again for each that it starts again.
+            added = set(os.environ) - before
+            _forget(added)
             client = Client(cluster, set_as_default=False, direct_to_workers=True)
         except (OSError, RuntimeError, TimeoutError) as error:
             if cluster is not None:
@@ -80,7 +84,7 @@ def local(workers: int) -> Iterator[Client]:
             with _deaf_children():
                 client.close(timeout=1)
                 _end(cluster)
-            _restore(environment)
+            _forget(added)
 
 
 @contextmanager
@@ -164,19 +168,29 @@ def _silent() -> Iterator[None]:
 
 def _end(cluster: Any) -> None:
     """Kill the workers, which hold nothing that is worth waiting for, and close the rest."""
-    for nanny in list(cluster.workers.values()):
-        with suppress(AttributeError, OSError, TypeError):
+    nannies = list(cluster.workers.values())
+    for nanny in nannies:
+        with suppress(AttributeError):
             nanny.close_gracefully()  # or it would start another
+    deadline = time.monotonic() + 5
+    for nanny in nannies:
+        # One that is being started again has no number yet, and dask could not close it.
+        while _being_started(nanny) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        with suppress(AttributeError, OSError, TypeError):
             os.kill(nanny.pid, signal.SIGKILL)
     with suppress(OSError, TimeoutError):
         cluster.close(timeout=10)
 
 
-def _restore(environment: dict[str, str]) -> None:
-    """Undo what dask sets in this process for the sake of its children."""
-    for name in set(os.environ) - set(environment):
-        del os.environ[name]
-    os.environ.update(environment)
+def _being_started(nanny: Any) -> bool:
+    process = getattr(getattr(nanny, "process", None), "process", None)
+    return process is not None and process.pid is None
+
+
+def _forget(names: set[str]) -> None:
+    for name in names:
+        os.environ.pop(name, None)
 
 
 def _line(error: BaseException) -> str:

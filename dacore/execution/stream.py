@@ -3,9 +3,10 @@
 import os
 import secrets
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
+from itertools import count
 from typing import Any
 
 import cloudpickle
@@ -21,27 +22,32 @@ PATIENCE = 60.0
 _LOOK = 1.0  # seconds between two looks at which workers there are
 
 
-def stream(
-    client: Client, function: Callable[[Any, Any], Any], shared: Any, items: Iterable[Any],
-    describe: Callable[[Any], str], beside: bool,
-) -> Iterator[tuple[Any, Any]]:  # fmt: skip
-    """Yield (item, result) as they complete; see `dacore.execution.foreach.for_each`.
+@contextmanager
+def instructed(
+    client: Client, function: Callable[[Any, Any], Any], shared: Any, describe: Callable[[Any], str], beside: bool
+) -> Iterator[Callable[[Iterable[Any]], Generator[tuple[Any, Any], None, None]]]:
+    """Workers that hold the shared object; see `dacore.execution.foreach.crew`.
 
     Parameters
     ----------
     client : Client
-    function, shared, items, describe
-        As for `for_each`.
+    function, shared, describe
+        As for `crew`.
     beside : bool
         Whether the workers are processes of this installation, whose versions need no comparing.
+
+    Yields
+    ------
+    callable
+        Takes items; yields (item, result) as they complete.
     """
-    token = f"dacore-{secrets.token_hex(8)}"
+    token, numbers = f"dacore-{secrets.token_hex(8)}", count()
     _Crew(client, token).wait_for_one()
     with _packed(shared, beside) as payload:
         try:
             _deliver(client, token, payload, beside)
             del payload
-            yield from _results(client, token, function, items, describe)
+            yield lambda items: _results(client, token, function, zip(numbers, items, strict=False), describe)
         finally:
             _take_back(client, token)
 
@@ -77,10 +83,11 @@ def _deliver(client: Client, token: str, payload: bytes | str, beside: bool) -> 
 
 
 def _results(
-    client: Client, token: str, function: Callable[[Any, Any], Any], items: Iterable[Any],
+    client: Client, token: str, function: Callable[[Any, Any], Any], source: Iterator[tuple[int, Any]],
     describe: Callable[[Any], str],
-) -> Iterator[tuple[Any, Any]]:  # fmt: skip
-    crew, source = _Crew(client, token), enumerate(items)
+) -> Generator[tuple[Any, Any], None, None]:  # fmt: skip
+    """Results of (number, item): no number is given twice, since dask knows a task by it."""
+    crew = _Crew(client, token)
     under_way: dict[Future, tuple[int, Any]] = {}
     failure: Exception | None = None
     exhausted = False

@@ -1,7 +1,8 @@
 """The stages of a scene: which settings each depends on, and how it is made."""
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from dacore.core.arrays import Array
 from dacore.core.domain import Domain
 from dacore.core.estimator import Estimate, PreparedEstimator
 from dacore.core.mesh import Mesh
-from dacore.core.model import ForwardModel, Trajectory
+from dacore.core.model import ForwardModel
 from dacore.core.noise import WhiteNoise
 from dacore.core.observation import Functionals
 from dacore.dynamics.march import MarchedModel
@@ -45,6 +46,7 @@ from dacore.studies.refinement import time_refinement
 from dacore.studies.validation import PRODUCT, Judge, Judged, NoisyData, Validation, gather, joint_weights
 from dacore.workflow.build import Builder, source_hash
 from dacore.workflow.laws import priced
+from dacore.workflow.motions import solved_or_kept
 from dacore.workflow.trajectories import TrajectorySet, read_note, write_note
 
 _log = logging.getLogger(__name__)
@@ -92,10 +94,12 @@ def scene_pipeline(
         solved = solve(results, samples, store, title)
         return TrajectorySet(store, samples, solved, lambda: solve(results, samples, store, title))
 
-    def make_training(results: Results, folder: Path) -> TrajectorySet:
+    def drawn(results: Results) -> Array:
         settings = scene.training
-        samples = draw(results["parameters"], settings.samples, settings.sampling, settings.seed)
-        return trajectories(results, folder, samples, "training")
+        return draw(results["parameters"], settings.samples, settings.sampling, settings.seed)
+
+    def make_training(results: Results, folder: Path) -> TrajectorySet:
+        return trajectories(results, folder, drawn(results), "training")
 
     def make_truth(results: Results, folder: Path) -> TrajectorySet:
         samples = draw(results["parameters"], scene.validation.cases, "uniform", scene.validation.seed)
@@ -109,33 +113,20 @@ def scene_pipeline(
 
         return Codec(".json", write_note, load)
 
-    def make_motions(results: Results, folder: Path) -> Solve:
-        """What solves for motions that the store does not hold yet, and reads the others."""
-        settings, parameters = scene.training, results["parameters"]
-        samples = draw(parameters, settings.samples, settings.sampling, settings.seed)
-        store = TrajectoryStore(folder, folder.name)
-
-        def solved(model: ForwardModel, numbers: Sequence[int]) -> list[Trajectory]:
-            def solve_these() -> int:
-                return solve_all(model, parameters, samples, store, workers, None, scheduler, numbers)
-
-            motions = TrajectorySet(store, samples, solve_these(), solve_these)
-            return [motions[number] for number in numbers]
-
-        return solved
+    def make_motions(results: Results, folder: Path) -> Callable[[], AbstractContextManager[Solve]]:
+        samples, store = drawn(results), TrajectoryStore(folder, folder.name)
+        return lambda: solved_or_kept(results["parameters"], samples, store, workers, scheduler)
 
     def make_reduced(results: Results, _: Path) -> Reduced:
-        settings, parameters = scene.training, results["parameters"]
-        samples = draw(parameters, settings.samples, settings.sampling, settings.seed)
-        report = show.meter("training")
+        settings, report = scene.training, show.meter("training")
 
         def tell(done: int, _: float) -> None:
             if report:
                 report(done, settings.most)
 
-        with builder.blame("training"):
+        with builder.blame("training"), results["motions"]() as solve_motions:
             return train_reduced(
-                results["model"], parameters, samples, results["motions"],
+                results["model"], results["parameters"], drawn(results), solve_motions,
                 ReductionSettings(settings.reduction, settings.most, settings.seed, settings.product),
                 settings.tolerance, tell,
             )  # fmt: skip

@@ -11,8 +11,10 @@ from pathlib import Path
 import pytest
 
 from dacore.errors import WorkerError
+from dacore.execution import cluster as execution_cluster
 from dacore.execution import stream
 from dacore.execution.cluster import address_of
+from dacore.execution.foreach import crew as crew_of
 from dacore.execution.foreach import for_each
 from tests import workers as work
 from tests.workers import ROOT, Shared, cluster, wait_for
@@ -28,6 +30,18 @@ def crew(tmp_path_factory):
 def everything(function, shared, items, **where):
     with closing(for_each(function, shared, items, **where)) as results:
         return dict(results)
+
+
+def count_starts(monkeypatch):
+    """Note each start of workers beside this process from now on."""
+    started, original = [], execution_cluster.LocalCluster
+
+    def counted(*arguments, **settings):
+        started.append(settings["n_workers"])
+        return original(*arguments, **settings)
+
+    monkeypatch.setattr(execution_cluster, "LocalCluster", counted)
+    return started
 
 
 def living(pids):
@@ -73,6 +87,66 @@ def test_what_is_shared_travels_once_to_each_worker(tmp_path, crew):
     notes = {int(path.suffix[1:]): path.read_text() for path in tmp_path.glob("unpickled.*")}
     assert set(notes) == {process.pid for process in crew.processes[1:]}
     assert set(notes.values()) == {"x"}
+
+
+def test_a_crew_keeps_workers_and_what_they_share_over_several_lists(tmp_path, monkeypatch):
+    started = count_starts(monkeypatch)
+    before, environment, pids = os.getpid(), dict(os.environ), set()
+    with crew_of(work.add, Shared(tmp_path), workers=2) as run:
+        assert not started
+        for items in (range(4), [], range(2), [7, 7, 7]):
+            found = list(run(items))
+            assert sorted(item for item, _ in found) == sorted(items)
+            assert all(value == 499500.0 + item for item, (_, value) in found)
+            pids |= {pid for _, (pid, _) in found}
+            assert dict(os.environ) == environment
+        assert len(started) == 1
+        assert set(living(pids)) == pids
+    assert before not in pids
+    assert {path.read_text() for path in tmp_path.glob("unpickled.*")} == {"x"}
+    assert not living(pids)
+
+
+def test_a_crew_of_a_cluster_leaves_its_workers_alone(tmp_path, crew):
+    with crew_of(work.add, Shared(tmp_path), scheduler=str(crew.file)) as run:
+        assert [dict(run(range(3))).keys() for _ in range(3)] == [{0, 1, 2}] * 3
+    notes = {int(path.suffix[1:]): path.read_text() for path in tmp_path.glob("unpickled.*")}
+    assert notes == {process.pid: "x" for process in crew.processes[1:]}
+    assert len(living(notes)) == 2
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_nothing_asked_starts_nothing(tmp_path, monkeypatch, workers):
+    started = count_starts(monkeypatch)
+    with crew_of(work.add, Shared(tmp_path), workers=workers):
+        pass
+    with crew_of(work.add, Shared(tmp_path), workers=1) as run:
+        assert len(list(run(range(3)))) == 3
+    assert not started
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_a_crew_ends_with_its_block_however_that_ends(tmp_path, error):
+    pids = set()
+
+    def begin_and_fail():
+        with crew_of(work.add, Shared(tmp_path), workers=2) as run:
+            pids.update(pid for _, (pid, _) in run(range(4)))
+            assert set(living(pids)) == pids
+            raise error
+
+    with pytest.raises(error):
+        begin_and_fail()
+    assert pids
+    assert not living(pids)
+
+
+def test_a_list_left_early_does_not_disturb_the_next(tmp_path):
+    with crew_of(work.slow, Shared(tmp_path), workers=2) as run:
+        with closing(run(range(20))) as results:
+            next(results)
+        assert {item for item, _ in run([30, 31])} == {30, 31}
+    assert len(list(tmp_path.glob("done.*"))) < 10
 
 
 def test_items_are_taken_as_workers_come_free(tmp_path, crew):

@@ -5,7 +5,7 @@ import pytest
 
 from dacore.core.model import ForwardModel, Trajectory
 from dacore.core.parameters import Parameter, ParameterSpace
-from dacore.dynamics.training import draw, solve_all
+from dacore.dynamics.training import draw, solve_all, solving
 from dacore.errors import ConvergenceError, ShapeError
 from dacore.io.snapshots import TrajectoryStore
 from tests.spaces import Chain
@@ -50,6 +50,16 @@ def test_only_what_is_missing_is_solved(tmp_path):
     assert model.calls == samples[4:, 0].tolist()
     assert seen[0] == (4, 6)
     assert seen[-1] == (6, 6)
+
+
+def test_several_lists_of_samples_solve_each_once(tmp_path):
+    samples = draw(PARAMETERS, 6, "uniform", 1)
+    store, model = TrajectoryStore(tmp_path, "k"), Line()
+    with solving(model, PARAMETERS, samples, store) as solve:
+        assert [solve(numbers) for numbers in ([4, 1], [1], [], [0, 4, 5])] == [2, 0, 0, 2]
+    assert model.calls == samples[[4, 1, 0, 5], 0].tolist()
+    assert solve_all(model, PARAMETERS, samples, store, workers=2) == 2
+    assert {index for index in range(6) if index in store} == set(range(6))
 
 
 def test_two_at_once_share_the_work(tmp_path):
