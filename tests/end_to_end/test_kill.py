@@ -28,9 +28,9 @@ if __name__ == "__main__":
 """
 
 
-def train(script, cache, workers):
+def train(script, cache, workers, settings=SMALL):
     """Begin a training run; returns once its model is made."""
-    command = [sys.executable, script, TOY, cache, str(workers), *SMALL]
+    command = [sys.executable, script, TOY, cache, str(workers), *settings]
     begun = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT, start_new_session=True)
     line = begun.stdout.readline()
     assert line == b"go\n", begun.communicate()
