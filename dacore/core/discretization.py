@@ -99,7 +99,7 @@ class Discretization:
 
     Every form is a ``csr_array`` over the dofs of its fields alone, ordered component by
     component and node by node (nodes as in `Mesh.nodes`), with sorted indices. It is assembled when
-    first asked for and kept; equal elements share it. Rows belong to the test function.
+    first asked for and kept until `release`; equal elements share it. Rows belong to the test function.
 
     Parameters
     ----------
@@ -130,6 +130,14 @@ class Discretization:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Discretization, (self.backend, self.mesh, self.fields)
+
+    def release(self) -> None:
+        """Let go of the library and of every form kept; matrices handed out stay, what is asked for again costs again.
+
+        Whoever has a model built calls it: a library keeps as much as the model's own matrices hold.
+        """
+        self._forms.clear()
+        self.__dict__.pop("_assembler", None)
 
     @cached_property
     def _assembler(self) -> Assembler:

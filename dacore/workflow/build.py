@@ -167,10 +167,16 @@ class Builder:
         def discretize(fields: Sequence[Field]) -> Discretization:
             if mesh is None:
                 raise SceneError(f"{self.where}: [domain]: missing; {self.scene.physics.kind} needs one")
-            return self.backend.discretize(mesh, fields)
+            made.append(self.backend.discretize(mesh, fields))
+            return made[-1]
 
+        made: list[Discretization] = []
         with self.blame("physics"):
-            return self.physics.build(discretize)
+            built = self.physics.build(discretize)
+        # The model has its matrices; its space asks for masses and evaluations later, and not always.
+        for discretization in made:
+            discretization.release()
+        return built
 
     def complete(self, built: AffineModel | ForwardModel) -> ForwardModel:
         """Return a model that solves; SceneError if the scene says how to step a model that steps by itself."""

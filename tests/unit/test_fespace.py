@@ -1,3 +1,6 @@
+import gc
+import weakref
+
 import numpy as np
 import pytest
 
@@ -46,6 +49,23 @@ def test_products_are_made_once(space):
     assert space.scalar_product("u") is space.scalar_product("u")
     assert space.scalar_product("u", "h1") is space.scalar_product("u", "h1")
     assert space.scalar_product("u") is not space.scalar_product("u", "h1")
+
+
+def test_what_is_let_go_of_is_made_again(space):
+    disc = space.discretization
+    points = np.full((1, disc.mesh.dim), 0.3)
+    first, there = disc.strain("u"), disc.evaluation(points, "u")
+    want, library = first.toarray(), weakref.ref(disc._assembler)
+    disc.release()
+    disc.release()
+    gc.collect()
+    assert library() is None
+    assert np.array_equal(first.toarray(), want)
+    again = disc.strain("u")
+    assert again is not first
+    assert again is disc.strain("u")
+    assert np.array_equal(again.toarray(), want)
+    assert np.array_equal(disc.evaluation(points, "u").toarray(), there.toarray())
 
 
 def test_evaluation_puts_each_component_in_its_rows(space):
