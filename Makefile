@@ -27,7 +27,7 @@ export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME PETSC_DIR
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test slow verify bench check clean
+.PHONY: help demo paper test slow verify bench check clean
 .DELETE_ON_ERROR:
 
 # Test processes already share the cores; threads of BLAS in each would only fight over them.
@@ -40,6 +40,9 @@ help: ## show this list
 
 demo: $(VENV)/.demo ## reconstruct the state of the brain from a few measurements: results in runs/demo
 	$(VENV)/bin/dacore run examples/brain/demo.toml --out runs/demo
+
+paper: $(VENV)/.demo ## the published training set on 33k nodes by a reduced model: results in runs/paper
+	$(VENV)/bin/python examples/brain/paper.py --out runs/paper
 
 test: $(TESTED)/.dev ## run every test but the longer studies, on all three backends
 	$(PYTEST) -n $(WORKERS)

@@ -225,7 +225,10 @@ class _Greedy:
         """Solve more samples; or, where those already solved are no better, take more of their modes."""
         tolerance = self.settings.tolerance
         known = np.isin(candidates, self.solved)
-        if known.any() and (estimates[:, known] > tolerance).any() and self.share > _FLOOR * tolerance:
+        size = np.nan_to_num(estimates, nan=1.0).max(axis=0)
+        # Modes are the bottleneck where the samples that gave them are hardly better than the others.
+        kept = size[known].max(initial=0.0) if self.factors else 0.0
+        if kept > max(tolerance, 0.5 * size[~known].max(initial=0.0)) and self.share > _FLOOR * tolerance:
             self.share *= 0.1
             self._extend(self.solved)
             return
@@ -236,8 +239,7 @@ class _Greedy:
                 f"reduced training: {len(self.solved)} trajectories leave an estimated error of {worst.max():.1e}, "
                 f"expected {tolerance:.1e}; raise training.reduction or training.most, or set training.method = 'full'"
             )
-        size = np.nan_to_num(estimates[:, ~known], nan=1.0).max(axis=0)
-        self._enter(self._choose(fresh, size, min(self.settings.batch, room)), worst)
+        self._enter(self._choose(fresh, size[~known], min(self.settings.batch, room)), worst)
 
     def _choose(self, fresh: IntArray, size: Array, count: int) -> list[int]:
         """Take the largest estimates, and none beside another: what one motion adds, its neighbours need no more."""
