@@ -14,9 +14,11 @@ marched   steps of the march for one trajectory
 levels    noise levels
 refine    parts of a step in the refinement
 workers   processes that solve
+full      trajectories that reduced training solves in full
 ========  =====================================================
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -36,6 +38,8 @@ GIB = 2.0**30
 BASE = 150 * MIB
 # Before the stages that know them ran: components of a field in space and a scalar at each node, values, modes.
 COMPONENTS, GUESS = 4.0, {"m": 500.0, "r": 80.0}
+# Of reduced training: motions a trajectory, trajectories and candidates a round, coordinates of the reduced model.
+_MOTIONS, _ROUND, _CANDIDATES, _COORDINATES = 2, 2, 64, 600
 
 
 def sizes_of(scene: Scene, domain: Domain | None, workers: int) -> dict[str, float]:
@@ -47,6 +51,7 @@ def sizes_of(scene: Scene, domain: Domain | None, workers: int) -> dict[str, flo
         "K": float(scene.training.samples), "cases": float(scene.validation.cases), "t": float(time.steps),
         "marched": float(marched), "levels": float(len(scene.noise.levels)),
         "refine": float(scene.validation.refine_time), "workers": float(max(workers, 1)),
+        "full": _full(scene),
     }  # fmt: skip
     expected = domain.expected_nodes() if domain is not None else None
     return out if expected is None else out | {"nodes": float(expected)}
@@ -88,6 +93,26 @@ def trajectories(sizes: Sizes, count: str) -> Cost | None:
         return None
     processes = min(sizes["workers"], sizes[count])
     return Cost(one.seconds * sizes[count] / processes, (BASE + one.memory) * processes)
+
+
+def reduced_training(sizes: Sizes) -> Cost | None:
+    """Few trajectories in full, their modes, and all samples marched by a reduced model.
+
+    A trajectory in full is two motions with one factorisation, which is some 0.4 of its cost; one more is for the
+    random tests. Modes cost in proportion to the values of the motions. A sample of 40 steps on 400 to 900 coordinates
+    takes 0.03 to 0.1 s. Every round but the first solves two trajectories and marches 64 candidates.
+    """
+    n, one = _dofs(sizes), trajectory(sizes)
+    if n is None or one is None:
+        return None
+    full, t, samples = sizes["full"], sizes["t"], sizes["K"]
+    processes = min(sizes["workers"], _ROUND)
+    columns = _MOTIONS * t * full
+    candidates = min(samples, _CANDIDATES) * full / _ROUND
+    seconds = one.seconds * ((0.4 + 0.6 * _MOTIONS) * full / processes + 1)
+    seconds += 3e-7 * n * columns + (0.02 + 1.5e-3 * sizes["marched"]) * (samples + candidates)
+    here = 16 * n * (_COORDINATES + _MOTIONS * t) + 8 * _COORDINATES * t * samples
+    return Cost(seconds, BASE + here + (BASE + one.memory + 8 * n * _MOTIONS * t) * processes)
 
 
 def background(sizes: Sizes) -> Cost | None:
@@ -150,6 +175,13 @@ def report(sizes: Sizes, states: bool) -> Cost:
     return Cost(8.0 + 4.0 * levels + 2e-7 * values, 2 * BASE + 40 * n * sizes["t"])
 
 
+def _full(scene: Scene) -> float:
+    """How many trajectories reduced training solves: about 12 for 1e-3, 20 for 1e-5, and never fewer than eight."""
+    training = scene.training
+    expected = max(8.0, 4.0 * math.log10(1.0 / training.reduction))
+    return float(min(expected, training.samples, training.most))
+
+
 def _dofs(sizes: Sizes) -> float | None:
     if "n" in sizes:
         return sizes["n"]
@@ -158,9 +190,11 @@ def _dofs(sizes: Sizes) -> float | None:
 
 def priced(stages: Sequence[Stage], scene: Scene) -> list[Stage]:
     """The same stages with their laws of cost, their sizes and how many pieces they resume from."""
+    reduced = scene.training.method == "reduced"
     laws: dict[str, Callable[[Sizes], Cost | None]] = {
-        "domain": domain, "model": model, "functionals": functionals, "background": background, "prepared": prepared,
-        "training": lambda sizes: trajectories(sizes, "K"), "truth": lambda sizes: trajectories(sizes, "cases"),
+        "domain": domain, "model": model, "functionals": functionals, "prepared": prepared,
+        "training": reduced_training if reduced else lambda sizes: trajectories(sizes, "K"),
+        "truth": lambda sizes: trajectories(sizes, "cases"),
         "measured": measured, "reference": reference, "judged": judged, "refinement": refinement,
     }  # fmt: skip
     found: dict[str, Callable[[Any], Sizes]] = {
@@ -169,7 +203,11 @@ def priced(stages: Sequence[Stage], scene: Scene) -> list[Stage]:
         "functionals": lambda made: {"m": float(made.count)},
         "background": lambda made: {"r": float(made.dimension)},
     }
-    pieces = {"training": scene.training.samples, "truth": scene.validation.cases}
+    pieces = {"truth": scene.validation.cases}
+    if not reduced:
+        # A reduced training is made by its one stage, which is kept as a whole; motions resume by themselves.
+        laws["background"] = background
+        pieces["training"] = scene.training.samples
     return [
         replace(
             stage, cost=laws.get(stage.name.partition(".")[0]), size=found.get(stage.name),
