@@ -34,7 +34,7 @@ MODE_SHARE = 3e-2
 CANDIDATES = 64
 # Share of the tolerance that the modes kept at the end may leave of the candidates' trajectories, which need far
 # fewer of them than the motions of single loads do.
-COMPRESSED = 1e-2
+COMPRESSED = 3e-3
 # The factor is the largest of so many samples, and no estimate counts before there are as many.
 CALIBRATING = 4
 # Errors of unseen samples reach about 1.6 times what the factor of the last few says.
@@ -229,7 +229,7 @@ class _Greedy:
         # Modes are the bottleneck where the samples that gave them are hardly better than the others.
         kept = size[known].max(initial=0.0) if self.factors else 0.0
         if kept > max(tolerance, 0.5 * size[~known].max(initial=0.0)) and self.share > _FLOOR * tolerance:
-            self.share *= 0.1
+            self.share *= 0.3
             self._extend(self.solved)
             return
         fresh = candidates[~known]
