@@ -1,61 +1,53 @@
-"""Backgrounds on disk: one HDF5 file, written atomically."""
+"""Backgrounds on disk, and as the named arrays and facts that a file of something larger takes in."""
 
-import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-import h5py
-import numpy as np
-
+from dacore.core.arrays import Array
 from dacore.core.background import Background
 from dacore.core.parameters import ParameterSpace
 from dacore.core.reduced import ReducedSpace
 from dacore.core.space import Product, StateSpace
 from dacore.errors import DacoreError, StoreError
-from dacore.io.atomic import atomic_path
+from dacore.io.arrays import read_arrays, write_arrays
 
-SCHEMA = 1
-MAGIC = "dacore background"
+KIND = "dacore background 2"
 
 
 def write_background(background: Background, path: Path) -> None:
     """Write a background; the file appears whole or not at all."""
-    try:
-        with atomic_path(path) as temporary, h5py.File(temporary, "w") as file:
-            file.attrs["magic"] = MAGIC
-            file.attrs["schema"] = SCHEMA
-            file.attrs["kind"] = background.kind
-            file.attrs["compression"] = json.dumps(dict(background.compression))
-            for name in ("coefficients", "times", "samples"):
-                values = np.ascontiguousarray(getattr(background, name))
-                file.create_dataset(name, data=values, chunks=values.shape, fletcher32=True)
-            for name, basis in background.bases.items():
-                group = file.create_group(f"bases/{name}")
-                group.create_dataset("basis", data=basis.basis, chunks=basis.basis.shape, fletcher32=True)
-                group.create_dataset("singular_values", data=basis.singular_values)
-    except OSError as error:
-        raise StoreError(f"{path}: cannot be written ({error}); is the disk full or read-only?") from error
+    write_arrays(path, KIND, *background_parts(background))
 
 
 def read_background(path: Path, space: StateSpace, parameters: ParameterSpace) -> Background:
     """Read a background of `space`; StoreError if the file is damaged or of another space."""
+    arrays, facts = read_arrays(path, KIND)
     try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("magic") != MAGIC or file.attrs.get("schema") != SCHEMA:
-                raise StoreError(f"{path}: not a background of this version; delete it and run again")
-            kind: Product = "h1" if file.attrs["kind"] == "h1" else "l2"
-            bases = {
-                field.name: ReducedSpace(
-                    np.asarray(file[f"bases/{field.name}/basis"][:]),
-                    np.asarray(file[f"bases/{field.name}/singular_values"][:]),
-                    space.field_product(field.name, kind),
-                )
-                for field in space.fields
-            }
-            arrays = [np.asarray(file[name][:]) for name in ("coefficients", "times", "samples")]
-            compression = json.loads(str(file.attrs["compression"]))
-    except StoreError:
-        raise
-    except (OSError, KeyError, ValueError, DacoreError) as error:
+        return background_of(arrays, facts, space, parameters)
+    except (KeyError, ValueError, TypeError, DacoreError) as error:
         raise StoreError(f"{path}: damaged or of another space ({error}); delete it and run again") from error
-    coefficients, times, samples = arrays
-    return Background(space, bases, coefficients, times, parameters, samples, kind, compression)
+
+
+def background_parts(background: Background) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the arrays by name and the facts (JSON values) that `background_of` makes a background of."""
+    arrays = {name: getattr(background, name) for name in ("coefficients", "times", "samples")}
+    for name, basis in background.bases.items():
+        arrays |= {f"basis.{name}": basis.basis, f"values.{name}": basis.singular_values}
+    return arrays, {"kind": background.kind, "compression": dict(background.compression)}
+
+
+def background_of(
+    arrays: Mapping[str, Array], facts: Mapping[str, Any], space: StateSpace, parameters: ParameterSpace
+) -> Background:
+    """Make a background of its parts; KeyError, or a dacore error, if they are not all there or of another space."""
+    kind: Product = "h1" if facts["kind"] == "h1" else "l2"
+    bases = {
+        field.name: ReducedSpace(
+            arrays[f"basis.{field.name}"], arrays[f"values.{field.name}"], space.field_product(field.name, kind)
+        )
+        for field in space.fields
+    }
+    return Background(
+        space, bases, arrays["coefficients"], arrays["times"], parameters, arrays["samples"], kind, facts["compression"]
+    )

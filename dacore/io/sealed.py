@@ -12,6 +12,7 @@ the HDF5 library cannot close a file for which a disk has no room.
 """
 
 import hashlib
+import io
 import json
 import os
 import zlib
@@ -75,12 +76,11 @@ def write_sealed(path: Path, kind: str, schema: int, key: str, fill: Callable[[h
         If the file cannot be written; what was at `path` is as it was.
     """
     # Layouts of HDF5 1.10 carry checksums of their own in the metadata, and no time of writing.
-    with h5py.File(
-        path.name, "w", driver="core", backing_store=False, libver=("v110", "v110"), userblock_size=BLOCK
-    ) as file:
+    # Python's own buffer: the library's in-memory driver gives its content as one more copy.
+    image = io.BytesIO()
+    with h5py.File(image, "w", libver=("v110", "v110"), userblock_size=BLOCK) as file:
         fill(file)
-        file.flush()
-        content = file.id.get_file_image()
+    content = image.getbuffer()[BLOCK:]
     block = _block(Seal(kind, schema, key, len(content), hashlib.sha256(content).hexdigest()))
     try:
         with atomic_path(path) as temporary, temporary.open("wb") as stream:

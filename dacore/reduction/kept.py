@@ -1,19 +1,16 @@
-"""Reduced training on disk: the reduced model's arrays and its background, in one file written atomically."""
+"""Reduced training on disk: the reduced model's arrays and its background, in one sealed file."""
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from dacore.core.arrays import Array
-from dacore.core.background import Background
 from dacore.core.parameters import ParameterSpace
-from dacore.core.reduced import ReducedSpace
-from dacore.core.space import Product
 from dacore.dynamics.march import MarchedModel
 from dacore.errors import DacoreError, StoreError
 from dacore.io.arrays import read_arrays, write_arrays
+from dacore.io.background import background_of, background_parts
 from dacore.reduction.galerkin import Tested, TestedTerm
 from dacore.reduction.greedy import Round
 from dacore.reduction.indicator import Indicator
@@ -26,10 +23,8 @@ MAGIC = "dacore reduced training 1"
 
 def write_reduced(reduced: Reduced, path: Path) -> None:
     """Write a reduced training; the file appears whole or not at all."""
-    background, model = reduced.background, reduced.model
-    arrays: dict[str, Any] = {name: getattr(background, name) for name in ("coefficients", "times", "samples")}
-    for name, basis in background.bases.items():
-        arrays |= {f"basis.{name}": basis.basis, f"values.{name}": basis.singular_values}
+    model = reduced.model
+    arrays, facts = background_parts(reduced.background)
     for title, tested in (("step", model.march.tested), ("tests", model.indicator.tested)):
         arrays |= _tested_arrays(title, tested)
     arrays |= {f"lift.{name}": values for name, values in model.lift_products.items()}
@@ -38,9 +33,7 @@ def write_reduced(reduced: Reduced, path: Path) -> None:
     arrays |= {"solved": reduced.solved, "estimates": reduced.estimates}
     for k, each in enumerate(reduced.rounds):
         arrays |= {f"round.{k}.{name}": getattr(each, name) for name in ("true", "estimated", "worst")}
-    facts = {
-        "kind": background.kind,
-        "compression": dict(background.compression),
+    facts |= {
         "flow": model.march.flow,
         "motions": reduced.motions,
         "orders": [term.order for term in model.march.tested.terms],
@@ -54,19 +47,8 @@ def write_reduced(reduced: Reduced, path: Path) -> None:
 def read_reduced(path: Path, model: MarchedModel, parameters: ParameterSpace) -> Reduced:
     """Read the reduced training of `model`; StoreError if the file is damaged or of another model."""
     arrays, facts = read_arrays(path, MAGIC)
-    space = model.space
     try:
-        kind: Product = "h1" if facts["kind"] == "h1" else "l2"
-        bases = {
-            field.name: ReducedSpace(
-                arrays[f"basis.{field.name}"], arrays[f"values.{field.name}"], space.field_product(field.name, kind)
-            )
-            for field in space.fields
-        }
-        background = Background(
-            space, bases, arrays["coefficients"], arrays["times"], parameters, arrays["samples"], kind,
-            facts["compression"],
-        )  # fmt: skip
+        background = background_of(arrays, facts, model.space, parameters)
         columns = {name: slice(*ends) for name, ends in facts["columns"].items()}
         rows = {name: slice(*ends) for name, ends in facts["test_rows"].items()}
         orders = [int(order) for order in facts["orders"]]
