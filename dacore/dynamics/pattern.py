@@ -7,6 +7,7 @@ of one pattern share that.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -49,16 +50,14 @@ class PatternSum:
         union = _union(self._matrices, shape, rows, number, len(order))
         starts = np.cumsum([0, *map(len, columns)])
         self._shapes = [(len(rows), len(block)) for block in columns]
-        block = np.searchsorted(starts, union.indices, side="right") - 1
         self._patterns = []
         # Entry e of the union is entry `offset[e]` of the blocks' values, one block after the other.
         offset, begin = np.empty(union.nnz, dtype=np.int32), 0
-        for index, start in enumerate(starts[:-1]):
-            chosen = block == index
+        for start, stop in pairwise(starts):
+            chosen = (union.indices >= start) & (union.indices < stop)
             count = int(chosen.sum())
             offset[chosen] = np.arange(begin, begin + count, dtype=np.int32)
-            ends = np.concatenate([[0], np.cumsum(chosen)])[union.indptr]
-            self._patterns.append(((union.indices[chosen] - start).astype(np.int32), ends.astype(np.int32)))
+            self._patterns.append(((union.indices[chosen] - start).astype(np.int32), _ends(chosen, union.indptr)))
             begin += count
         self._size = begin
         self._places = _places(self._matrices, union, offset, inside, number, begin)
@@ -101,10 +100,15 @@ def _union(matrices: Sequence[Sparse], shape: tuple[int, int], rows: IntArray, n
     union = csr_array(union[rows])
     columns = number[union.indices]
     kept = columns < width
-    indptr = np.concatenate([[0], np.cumsum(kept)])[union.indptr]
+    indptr = _ends(kept, union.indptr)
     union = csr_array((np.ones(int(kept.sum()), dtype=np.int8), columns[kept], indptr), shape=(len(rows), width))
     union.sort_indices()
     return union
+
+
+def _ends(chosen: NDArray[np.bool_], indptr: NDArray[Any]) -> Places:
+    """Row pointers of the chosen entries alone."""
+    return np.asarray(np.concatenate([np.zeros(1, dtype=np.int32), np.cumsum(chosen, dtype=np.int32)])[indptr])
 
 
 def _places(
