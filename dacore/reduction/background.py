@@ -8,7 +8,6 @@ decomposition of an (r_f, r_f) array, whatever the number of samples and steps.
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.linalg import eigh
 
 from dacore.algebra.svd import left_svd
 from dacore.core.arrays import Array
@@ -84,14 +83,24 @@ def background_of(
 def _lifted(galerkin: Galerkin, space: StateSpace, name: str, products: Array) -> tuple[Array, Array]:
     """Orthonormal directions (n_field, l) that the prescribed values add to the modes, and their share (l, n_loads)."""
     split = galerkin.split
-    values = split.prescribed[name].copy()
-    size = np.sqrt(np.maximum(np.einsum("ij,ij->j", values, space.field_product(name, split.kind) @ values), 0.0))
-    values[split.free[name]] -= galerkin.bases[name] @ products
-    product = space.field_product(name, split.kind)
-    unit = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
-    gram = unit[:, None] * (values.T @ (product @ values)) * unit[None, :]
-    squares, vectors = eigh(gram)
-    new = squares > _SAME**2
-    directions = (values * unit) @ (vectors[:, new] / np.sqrt(squares[new]))
-    change = np.sqrt(squares[new])[:, None] * vectors[:, new].T * size[None, :]
-    return directions, change
+    free, modes = split.free[name], galerkin.bases[name]
+    values, product = split.prescribed[name].copy(), space.field_product(name, split.kind)
+    size = np.sqrt(np.maximum(np.einsum("ij,ij->j", values, product @ values), 0.0))
+    values[free] -= modes @ products
+    # One load after the other, each cleaned again once it has length one: a Gram matrix would see half the digits
+    # only, and take the round-off of dependent loads for directions.
+    found: list[Array] = []
+    for load in np.flatnonzero(size > 0):
+        left = values[:, load] / size[load]
+        for _ in range(2):
+            left[free] -= modes @ (modes.T @ (product @ left)[free])
+            for other in found:
+                left -= other * (other @ (product @ left))
+            length = np.sqrt(max(float(left @ (product @ left)), 0.0))
+            if not length > _SAME:
+                break
+            left /= length
+        else:
+            found.append(left)
+    directions = np.stack(found, axis=1) if found else np.zeros((len(values), 0))
+    return directions, np.asarray(directions.T @ (product @ values))

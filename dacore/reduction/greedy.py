@@ -185,7 +185,7 @@ class _Greedy:
         self.coefficients = self.split.coefficients(self.points)
         self.amplitudes = self.split.amplitudes(self.points)
         self.features = features(self.coefficients)
-        self.sketch = random_tests(model, self.split, settings.seed)
+        self.sketch = random_tests(model, self.split, parameters, settings.seed)
         self.marched = model
         self.share = MODE_SHARE * settings.tolerance
         self.factors: list[Array] = []

@@ -17,6 +17,7 @@ import numpy as np
 
 from dacore.algebra.linear_solver import prepared
 from dacore.core.arrays import Array
+from dacore.core.parameters import ParameterSpace
 from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.system import StepSystem
 from dacore.reduction.galerkin import Sketch, Tested
@@ -27,7 +28,9 @@ TESTS = 16
 _TOLERANCE = 1e-6
 
 
-def random_tests(model: MarchedModel, split: SplitModel, seed: int, tests: int = TESTS) -> Sketch:
+def random_tests(
+    model: MarchedModel, split: SplitModel, parameters: ParameterSpace, seed: int, tests: int = TESTS
+) -> Sketch:
     """Return the model tested at random: `tests` vectors S⁻ᵀz for each field, one field after the other.
 
     Parameters
@@ -35,6 +38,8 @@ def random_tests(model: MarchedModel, split: SplitModel, seed: int, tests: int =
     model : MarchedModel
     split : SplitModel
         Of the same model.
+    parameters : ParameterSpace
+        Their ranges, which need not be those that the model has by default.
     seed : int
     tests : int
     """
@@ -47,7 +52,7 @@ def random_tests(model: MarchedModel, split: SplitModel, seed: int, tests: int =
         size = np.sqrt(split.products[name].diagonal())
         z[dofs, k * tests : (k + 1) * tests] = size[:, None] * rng.standard_normal((len(dofs), tests))
     system = StepSystem(model.model, model.scheme, float(model.grid.lengths[-1]))
-    step = system.at(system.middle)
+    step = system.at({each.name: float(each.quantile(np.array(0.5))) for each in parameters.parameters})
     solver = prepared(model.method, step.matrix, system.definite, max(model.tolerance, _TOLERANCE), model.analysis)
     y = np.zeros_like(z)
     y[system.free] = step.scale[:, None] * solver.solve(z[system.free])

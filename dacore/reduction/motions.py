@@ -109,9 +109,11 @@ def features(coefficients: Array) -> Array:
     """
     rows = []
     for row in coefficients:
-        values = np.log(row) if (row > 0).all() else row
+        positive = bool((row > 0).all())
+        values = np.log(row) if positive else row
         width = float(np.ptp(values))
-        if width > 1e-12 * max(float(np.abs(values).max()), 1.0):
+        # Logarithms differ by what the coefficients do relatively; other coefficients have a unit of their own.
+        if width > 1e-12 * max(float(np.abs(values).max()), 1.0 if positive else 0.0):
             rows.append((values - values.min()) / width)
     return np.array(rows).reshape(len(rows), coefficients.shape[1])
 

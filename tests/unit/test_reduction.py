@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dacore.core.model import Load
 from dacore.core.timegrid import TimeGrid
 from dacore.dynamics.generalized_alpha import GeneralizedAlpha
 from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.newmark import Newmark
+from dacore.dynamics.profiles import Sine
 from dacore.dynamics.training import draw
 from dacore.errors import AccuracyError, CapabilityError, ShapeError, StoreError
 from dacore.reduction.galerkin import Galerkin
@@ -31,7 +33,7 @@ def marched(start="zero", scheme=None, grid=GRID, **changes):
 
 
 def reduced_of(model, galerkin):
-    sketch = random_tests(model, galerkin.split, 1).tested(galerkin)
+    sketch = random_tests(model, galerkin.split, model.parameters, 1).tested(galerkin)
     return ReducedModel.of(model, galerkin, sketch, np.ones(2))
 
 
@@ -246,6 +248,37 @@ def test_a_field_that_is_prescribed_everywhere_is_refused():
 def test_features_see_ratios_and_leave_out_what_is_fixed():
     found = features(np.array([[1.0, 10.0, 100.0], [3.0, 3.0, 3.0], [0.0, -1.0, 1.0]]))
     assert np.allclose(found, [[0.0, 0.5, 1.0], [0.5, 0.0, 1.0]])
+
+
+def test_features_have_no_unit():
+    # Coefficients as small as a storage in cgs units vary too, though one of them is zero.
+    row = np.array([0.0, 1.0, 4.0])
+    assert np.array_equal(features(1e-15 * row[None, :]), features(row[None, :]))
+    assert features(np.full((1, 3), -1e-15)).shape == (0, 3)
+
+
+def test_the_residual_is_tested_in_the_middle_of_the_ranges_that_are_trained_on():
+    mine = {"modulus": (800.0, 900.0), "mobility": (1e-4, 2e-4)}
+    default, given = marched(n=15), marched(n=15, ranges=mine)
+    tests = [
+        random_tests(model, SplitModel(model.model), given.parameters, 1).tested(complete(model))
+        for model in (default, given)
+    ]
+    assert np.array_equal(tests[0].forces, tests[1].forces)
+    other = random_tests(default, SplitModel(default.model), default.parameters, 1).tested(complete(default))
+    assert not np.allclose(other.forces, tests[0].forces, rtol=0.1)
+
+
+@pytest.mark.parametrize("mix", [(1.0, 0.0), (1 / 3, 1 / 3), (1.0, 1e-12)])
+def test_loads_that_prescribe_what_others_do_add_no_directions(mix):
+    loads = rod(n=60).loads
+    values = mix[0] * loads[1].prescribed + mix[1] * loads[2].prescribed
+    extra = Load("more", lambda point: 0.1 * point["modulus"], Sine(1.0), loads[1].force, values)
+    model = marched(loads=(*loads, extra))
+    reduced, samples, _ = trained(model, tolerance=1e-3, compression=1e-13)
+    truth = model.solve(model.parameters.as_mapping(samples[7])).states
+    found = reduced.background.lift(reduced.background.coefficients[:, :, 7])
+    assert relative(found - truth, truth, model).max() < 1e-3
 
 
 def test_points_are_spread_from_the_middle_to_the_corners():
