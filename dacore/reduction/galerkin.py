@@ -148,12 +148,15 @@ class Galerkin:
                     block = np.concatenate([block.reshape(old[row].shape[1], self.bases[column].shape[1]), below])
                 blocks[row, column] = block
 
-    def rotate(self, changes: Mapping[str, Array]) -> None:
-        """Replace the modes V of each field by V U for orthonormal columns U (r_f, r'_f)."""
-        self.bases = {name: basis @ changes[name] for name, basis in self.bases.items()}
-        for blocks in self._blocks:
-            for (row, column), block in blocks.items():
-                blocks[row, column] = changes[row].T @ block @ changes[column]
+    def turned(self, turns: Mapping[str, Array]) -> "Galerkin":
+        """Return the model on the modes V U in place of V, for orthonormal columns U (r_f, r'_f) of each field."""
+        out = Galerkin(self.split)
+        out.bases = {name: basis @ turns[name] for name, basis in self.bases.items()}
+        out._blocks = [
+            {(row, column): turns[row].T @ block @ turns[column] for (row, column), block in blocks.items()}
+            for blocks in self._blocks
+        ]
+        return out
 
     def _orthonormal(self, field: str, modes: Array) -> Array:
         modes = self.remainder(field, modes)

@@ -18,12 +18,13 @@ from dacore.core.model import Trajectory
 from dacore.core.parameters import ParameterSpace
 from dacore.core.space import Product
 from dacore.dynamics.march import MarchedModel
+from dacore.dynamics.motions import Motions
 from dacore.errors import AccuracyError, CapabilityError, ShapeError
 from dacore.reduction.galerkin import Galerkin
 from dacore.reduction.indicator import random_tests
 from dacore.reduction.march import Balance
 from dacore.reduction.model import ReducedModel
-from dacore.reduction.motions import Motions, features, spread
+from dacore.reduction.sampling import features, spread
 from dacore.reduction.split import SplitModel
 
 logger = logging.getLogger(__name__)
@@ -35,6 +36,8 @@ CANDIDATES = 64
 # Share of the tolerance that the modes kept at the end may leave of the candidates' trajectories, which need far
 # fewer of them than the motions of single loads do.
 COMPRESSED = 3e-3
+# Share of the tolerance by which no candidate may change then.
+MOST_LOST = 0.3
 # The factor is the largest of so many samples, and no estimate counts before there are as many.
 CALIBRATING = 4
 # Errors of unseen samples reach about 1.6 times what the factor of the last few says.
@@ -205,6 +208,7 @@ class _Greedy:
         self._enter(first, np.full(len(self.split.fields), np.nan))
         everyone = np.arange(len(self.points))
         candidates = np.array(spread(self.features, CANDIDATES)) if len(everyone) > 2 * CANDIDATES else everyone
+        settled = False
         while True:
             states, estimates = self._estimate(candidates)
             worst = estimates.max(axis=1)
@@ -212,14 +216,16 @@ class _Greedy:
                 self.progress(len(self.solved), float(worst.max()) if np.isfinite(worst).all() else np.nan)
             known = sum(each.shape[1] for each in self.factors)
             fine = known >= CALIBRATING and bool((worst <= self.settings.tolerance).all())
-            if fine and len(candidates) == len(everyone):
-                solved = np.array(self.solved)
-                return ReducedTraining(self.model, self.galerkin, tuple(self.rounds), solved, states, estimates)
-            if fine:
+            if not fine:
+                self._refine(candidates, estimates, worst)
+            elif not settled:
+                settled = self._deepen(candidates, states)
+            elif len(candidates) < len(everyone):
                 self._compress(candidates)
                 candidates = everyone
-                continue
-            self._refine(candidates, estimates, worst)
+            else:
+                solved = np.array(self.solved)
+                return ReducedTraining(self.model, self.galerkin, tuple(self.rounds), solved, states, estimates)
 
     def _refine(self, candidates: IntArray, estimates: Array, worst: Array) -> None:
         """Solve more samples; or, where those already solved are no better, take more of their modes."""
@@ -263,24 +269,53 @@ class _Greedy:
         """As `_estimate`, without the factor."""
         return self.model.indicate(self.coefficients[:, numbers], self.amplitudes[:, numbers])
 
+    def _deepen(self, numbers: IntArray, states: Array) -> bool:
+        """Take ten times finer modes of what is solved already; whether that changes no sample by the tolerance.
+
+        The factor is measured on samples before their motions enter. What the modes leave of motions that are in
+        is seen by the tests, but other samples may amplify it more than those did; this measures it.
+        """
+        if self.share < _FLOOR * self.settings.tolerance:
+            return True
+        sizes = self.galerkin.sizes
+        self.share *= 0.1
+        self._extend(self.solved)
+        deeper, _ = self._indicate(numbers)
+        changes, start = [], 0
+        for name, rows in self.model.march.tested.columns.items():
+            part = deeper[rows].copy()
+            part[: sizes[name]] -= states[start : start + sizes[name]]
+            start += sizes[name]
+            changes.append(np.sqrt((part**2).sum(axis=(0, 1))))
+        return bool((np.array(changes) <= self.settings.tolerance * self.model.norms(deeper)).all())
+
     def _compress(self, numbers: IntArray) -> None:
-        """Keep of the modes what the trajectories of these samples need: motions share more than their modes show."""
-        model = self.model
-        moments = {name: np.zeros((size, size)) for name, size in self.galerkin.sizes.items()}
+        """Keep of the modes what the trajectories of these samples need, if they hardly change by it.
+
+        Motions of single loads need far more modes than trajectories do.
+        """
+        whole, model = self.galerkin, self.model
+        moments = {name: np.zeros((size, size)) for name, size in whole.sizes.items()}
 
         def watch(_: slice, balance: Balance) -> None:
             for name, rows in model.march.tested.columns.items():
                 moments[name] += balance.value[rows] @ balance.value[rows].T
 
-        model.march.run(self.coefficients[:, numbers], self.amplitudes[:, numbers], watch)
-        changes = {}
+        states = model.march.run(self.coefficients[:, numbers], self.amplitudes[:, numbers], watch)
+        turns = {}
         for name, moment in moments.items():
             squares, vectors = np.linalg.eigh(moment)
             left = np.cumsum(np.maximum(squares, 0.0))
             lost = int((left <= (COMPRESSED * self.settings.tolerance) ** 2 * left[-1]).sum())
-            changes[name] = vectors[:, lost:]
-        self.galerkin.rotate(changes)
-        self._made = None
+            turns[name] = vectors[:, lost:]
+        self.galerkin, self._made = whole.turned(turns), None
+        fewer, _ = self._indicate(numbers)
+        norms, columns = model.norms(states), self.model.march.tested.columns
+        for k, (name, rows) in enumerate(model.march.tested.columns.items()):
+            change = states[rows] - np.tensordot(turns[name], fewer[columns[name]], axes=1)
+            if (np.sqrt((change**2).sum(axis=(0, 1))) > MOST_LOST * self.settings.tolerance * norms[k]).any():
+                self.galerkin, self._made = whole, None
+                return
 
     @property
     def _factor(self) -> Array:

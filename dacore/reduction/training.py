@@ -10,10 +10,10 @@ from dacore.core.background import Background
 from dacore.core.model import ForwardModel, Trajectory
 from dacore.core.parameters import ParameterSpace
 from dacore.dynamics.march import MarchedModel
+from dacore.dynamics.motions import Motions
 from dacore.reduction.background import background_of
 from dacore.reduction.greedy import Round, Settings, train
 from dacore.reduction.model import ReducedModel
-from dacore.reduction.motions import Motions
 
 Solve = Callable[[ForwardModel, Sequence[int]], Sequence[Trajectory]]
 
