@@ -290,7 +290,8 @@ def scene_pipeline(
                 ),
                 Stage(
                     "training", ("model", "parameters", "motions"),
-                    {**scene.training.model_dump(exclude={"memory"}), "source": source_hash("dacore", ("reduction",))}, make_reduced,
+                    {**scene.training.model_dump(exclude={"memory"}), "source": source_hash("dacore", ("reduction",))},
+                    make_reduced,
                     Codec(
                         ".h5", write_reduced,
                         lambda path, results: read_reduced(path, results["model"], results["parameters"]),
