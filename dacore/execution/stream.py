@@ -13,6 +13,7 @@ import cloudpickle
 from distributed import Client, Future, KilledWorker, wait
 
 from dacore.errors import WorkerError
+from dacore.execution.interrupts import kept_interrupts
 from dacore.execution.worker import Delivery, begun, call, refusal
 from dacore.plugins.versions import fingerprints
 
@@ -43,11 +44,11 @@ def instructed(
     """
     token, numbers = f"dacore-{secrets.token_hex(8)}", count()
     _Crew(client, token).wait_for_one()
-    with _packed(shared, beside) as payload:
+    with kept_interrupts() as look, _packed(shared, beside) as payload:
         try:
             _deliver(client, token, payload, beside)
             del payload
-            yield lambda items: _results(client, token, function, zip(numbers, items, strict=False), describe)
+            yield lambda items: _results(client, token, function, zip(numbers, items, strict=False), describe, look)
         finally:
             _take_back(client, token)
 
@@ -84,7 +85,7 @@ def _deliver(client: Client, token: str, payload: bytes | str, beside: bool) -> 
 
 def _results(
     client: Client, token: str, function: Callable[[Any, Any], Any], source: Iterator[tuple[int, Any]],
-    describe: Callable[[Any], str],
+    describe: Callable[[Any], str], look: Callable[[], None],
 ) -> Generator[tuple[Any, Any], None, None]:  # fmt: skip
     """Results of (number, item): no number is given twice, since dask knows a task by it."""
     crew = _Crew(client, token)
@@ -103,7 +104,7 @@ def _results(
             under_way[future] = number, item
         if not under_way:
             break
-        for future in _complete(crew, list(under_way)):
+        for future in _complete(crew, list(under_way), look):
             number, item = under_way.pop(future)
             outcome = _outcome(future, describe(item), crew)
             if isinstance(outcome, Exception):
@@ -117,9 +118,10 @@ def _results(
         raise failure
 
 
-def _complete(crew: "_Crew", futures: list[Future]) -> list[Future]:
-    """Wait until something is complete, or no worker is left for too long."""
+def _complete(crew: "_Crew", futures: list[Future], look: Callable[[], None]) -> list[Future]:
+    """Wait until something is complete, no worker is left for too long, or Ctrl-C was pressed."""
     while True:
+        look()
         try:
             with crew.client.as_current():
                 return list(wait(futures, timeout=_LOOK, return_when="FIRST_COMPLETED").done)
