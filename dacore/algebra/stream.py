@@ -22,6 +22,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from dacore.algebra.panels import Panels, Rows
+from dacore.algebra.svd import thin_svd
 from dacore.core.arrays import Array, Sparse
 from dacore.errors import AccuracyError, ShapeError
 
@@ -265,7 +266,7 @@ class Stream:
     def _principal(self) -> tuple[Array, Array, Array]:
         """Principal axes (r, k) of the coefficients, singular values (k,), and tails Σ_{i>n} σ_i² for n = 0 … k."""
         self._fold()
-        vectors, values, _ = np.linalg.svd(self._factor, full_matrices=False)
+        vectors, values, _ = thin_svd(self._factor)
         tail = np.append(np.cumsum(values[::-1] ** 2)[::-1], 0.0)
         return vectors, values, tail
 

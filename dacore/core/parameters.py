@@ -77,6 +77,11 @@ class ParameterSpace:
         """The parameters that vary."""
         return tuple(parameter for parameter in self.parameters if not parameter.fixed)
 
+    @property
+    def middle(self) -> dict[str, float]:
+        """Every parameter at the middle of its distribution."""
+        return {parameter.name: float(parameter.quantile(np.array(0.5))) for parameter in self.parameters}
+
     def __getitem__(self, name: str) -> Parameter:
         for parameter in self.parameters:
             if parameter.name == name:

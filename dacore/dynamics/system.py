@@ -70,7 +70,7 @@ class StepSystem:
         terms = (*model.second_order, *model.first_order, *model.zeroth_order)
         n = model.space.n_dofs
         self._sum = PatternSum([term.matrix for term in terms], (n, n), self.free, (self.free, self.constrained))
-        self.middle = {p.name: float(p.quantile(np.array(0.5))) for p in model.parameters.parameters}
+        self.middle = model.parameters.middle
         _check_symmetry(self.at(self.middle).matrix, self.definite)
 
     def at(self, parameters: Parameters, rule: StepRule | None = None) -> "Step":

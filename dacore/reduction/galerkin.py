@@ -187,7 +187,7 @@ class Sketch:
     GROUP = "tests"
 
     def __init__(self, split: SplitModel, tests: Mapping[str, Array]) -> None:
-        self.split, self._tests = split, tests
+        self.split = split
         count = next(iter(tests.values())).shape[1]
         # (term applied from the right to the tests), so that new modes cost one dense product each
         self._images = [

@@ -6,14 +6,13 @@ enter the basis, their true error is known: it gives the factor of the next roun
 estimate was. Source of the greedy: Haasdonk and Ohlberger, M2AN 42 (2008) 277.
 """
 
-import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from dacore.algebra.pod import pod
-from dacore.core.arrays import Array, IntArray
+from dacore.core.arrays import Array, IntArray, Sparse
 from dacore.core.model import Trajectory
 from dacore.core.parameters import ParameterSpace
 from dacore.core.space import Product
@@ -25,9 +24,7 @@ from dacore.reduction.indicator import random_tests
 from dacore.reduction.march import Balance
 from dacore.reduction.model import ReducedModel
 from dacore.reduction.sampling import features, spread
-from dacore.reduction.split import SplitModel
-
-logger = logging.getLogger(__name__)
+from dacore.reduction.split import SplitModel, amplitudes_of, coefficients_of
 
 # Modes may leave this share of the tolerance of each motion; the coupling of the fields amplifies what they leave.
 MODE_SHARE = 3e-2
@@ -184,9 +181,9 @@ class _Greedy:
         self.motions, self.read, self.settings, self.progress = motions, read, settings, progress
         self.split = SplitModel(model.model, settings.kind)
         self.galerkin = Galerkin(self.split)
-        self.points = [parameters.as_mapping(row) for row in samples]
-        self.coefficients = self.split.coefficients(self.points)
-        self.amplitudes = self.split.amplitudes(self.points)
+        points = [parameters.as_mapping(row) for row in samples]
+        self.coefficients = coefficients_of(model.model, points)
+        self.amplitudes = amplitudes_of(model.model, points)
         self.features = features(self.coefficients)
         self.sketch = random_tests(model, self.split, parameters, settings.seed)
         self.marched = model
@@ -204,9 +201,8 @@ class _Greedy:
         return self._made
 
     def run(self) -> ReducedTraining:
-        first = spread(self.features, min(self.settings.first, self.settings.most))
-        self._enter(first, np.full(len(self.split.fields), np.nan))
-        everyone = np.arange(len(self.points))
+        self._enter(spread(self.features, self.settings.first), np.full(len(self.split.fields), np.nan))
+        everyone = np.arange(self.coefficients.shape[1])
         candidates = np.array(spread(self.features, CANDIDATES)) if len(everyone) > 2 * CANDIDATES else everyone
         settled = False
         while True:
@@ -220,9 +216,9 @@ class _Greedy:
                 self._refine(candidates, estimates, worst)
             elif not settled:
                 settled = self._deepen(candidates, states)
-            elif len(candidates) < len(everyone):
-                self._compress(candidates)
-                candidates = everyone
+                if settled and len(candidates) < len(everyone):
+                    self._compress(candidates)
+                    candidates = everyone
             else:
                 solved = np.array(self.solved)
                 return ReducedTraining(self.model, self.galerkin, tuple(self.rounds), solved, states, estimates)
@@ -343,15 +339,12 @@ class _Greedy:
     def _true(self, number: int, trajectory: Trajectory, states: Array) -> Array:
         """Relative space–time error (n_fields,) of reduced states (r + n_loads, t) against a full solve."""
         full = self.motions.superpose(trajectory, self.amplitudes[:, number])
-        out = []
-        for name, part in self.split.free_parts(full).items():
-            rows = self.model.march.tested.columns[name]
-            product = self.split.products[name]
-            error = part - self.galerkin.bases[name] @ states[rows]
-            above = float(np.einsum("ij,ij->", error, product @ error))
-            below = float(self.model.norms(states[:, :, None])[self.split.fields.index(name), 0])
-            out.append(np.sqrt(max(above, 0.0)) / below if below > 0 else 0.0)
-        return np.array(out)
+        norms, columns = self.model.norms(states[:, :, None])[:, 0], self.model.march.tested.columns
+        errors = [
+            _norm(part - self.galerkin.bases[name] @ states[columns[name]], self.split.products[name])
+            for name, part in self.split.free_parts(full).items()
+        ]
+        return np.divide(errors, norms, out=np.zeros_like(norms), where=norms > 0)
 
     def _extend(self, numbers: Sequence[int], trajectories: Sequence[Trajectory] | None = None) -> None:
         """Append what the modes leave of the motions of some samples."""
@@ -359,11 +352,14 @@ class _Greedy:
             trajectory = trajectories[k] if trajectories is not None else self.read([number])[0]
             news = {}
             for name, part in self.split.free_parts(trajectory.states).items():
-                product = self.split.products[name]
-                size = np.sqrt(max(float(np.einsum("ij,ij->", part, product @ part)), 0.0))
-                left = self.galerkin.remainder(name, part)
-                rest = np.sqrt(max(float(np.einsum("ij,ij->", left, product @ left)), 0.0))
+                product, left = self.split.products[name], self.galerkin.remainder(name, part)
+                size, rest = _norm(part, product), _norm(left, product)
                 if size > 0 and rest > self.share * size:
                     news[name] = pod(left, product, self.share * size / rest).basis
             self.galerkin.extend(news)
         self._made = None
+
+
+def _norm(values: Array, product: Sparse) -> float:
+    """Root of the sum of the squared norms of the columns of values (n, k)."""
+    return float(np.sqrt(max(float(np.einsum("ij,ij->", values, product @ values)), 0.0)))

@@ -52,7 +52,7 @@ def random_tests(
         size = np.sqrt(split.products[name].diagonal())
         z[dofs, k * tests : (k + 1) * tests] = size[:, None] * rng.standard_normal((len(dofs), tests))
     system = StepSystem(model.model, model.scheme, float(model.grid.lengths[-1]))
-    step = system.at({each.name: float(each.quantile(np.array(0.5))) for each in parameters.parameters})
+    step = system.at(parameters.middle)
     solver = prepared(model.method, step.matrix, system.definite, max(model.tolerance, _TOLERANCE), model.analysis)
     y = np.zeros_like(z)
     y[system.free] = step.scale[:, None] * solver.solve(z[system.free])

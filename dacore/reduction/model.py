@@ -12,6 +12,7 @@ from dacore.dynamics.march import MarchedModel
 from dacore.reduction.galerkin import Galerkin, Tested
 from dacore.reduction.indicator import Indicator
 from dacore.reduction.march import ReducedMarch
+from dacore.reduction.split import amplitudes_of, coefficients_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,15 +72,6 @@ class ReducedModel:
         """Recorded times (t,) [s]."""
         return self.march.grid.times
 
-    def coefficients(self, points: Sequence[Parameters]) -> Array:
-        """Coefficients (n_terms, K) of the operator's terms."""
-        terms = (*self.model.second_order, *self.model.first_order, *self.model.zeroth_order)
-        return np.array([[term.coefficient(point) for point in points] for term in terms])
-
-    def amplitudes(self, points: Sequence[Parameters]) -> Array:
-        """Amplitudes (n_loads, K) of the loads."""
-        return np.stack([self.model.amplitudes(point) for point in points], axis=1)
-
     def solve(self, points: Sequence[Parameters]) -> Array:
         """March K parameter vectors.
 
@@ -92,7 +84,7 @@ class ReducedModel:
         (r + n_loads, t, K) array
             Reduced states at the recorded times.
         """
-        return self.march.run(self.coefficients(points), self.amplitudes(points))
+        return self.march.run(coefficients_of(self.model, points), amplitudes_of(self.model, points))
 
     def estimate(self, points: Sequence[Parameters]) -> tuple[Array, Array]:
         """March K parameter vectors and estimate their errors.
@@ -103,7 +95,7 @@ class ReducedModel:
         errors : (n_fields, K) array
             Estimated relative space–time error of each field.
         """
-        states, indicated = self.indicate(self.coefficients(points), self.amplitudes(points))
+        states, indicated = self.indicate(coefficients_of(self.model, points), amplitudes_of(self.model, points))
         return states, self.indicator.factor[:, None] * indicated
 
     def indicate(self, coefficients: Array, amplitudes: Array) -> tuple[Array, Array]:

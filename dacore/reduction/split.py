@@ -89,8 +89,7 @@ class SplitModel:
         force = stack([load.force for load in model.loads], n)
         self.prescribed = {name: values[layout.block(name)] for name in self.fields}
         self.forces = {name: force[layout.block(name)][self.free[name]] for name in self.fields}
-        orders = ((2, model.second_order), (1, model.first_order), (0, model.zeroth_order))
-        self.terms = tuple(self._split(order, term, values) for order, terms in orders for term in terms)
+        self.terms = tuple(self._split(order, term, values) for order, term in _terms(model))
 
     def _split(self, order: int, term: AffineTerm, values: Array) -> SplitTerm:
         layout = self.model.space.layout
@@ -108,14 +107,6 @@ class SplitModel:
                     blocks[row, column] = part
         return SplitTerm(term.name, order, term.coefficient, blocks, lifted)
 
-    def coefficients(self, parameters: Sequence[Parameters]) -> Array:
-        """Coefficients (n_terms, K) of all terms at K parameter vectors."""
-        return np.array([[term.coefficient(point) for point in parameters] for term in self.terms])
-
-    def amplitudes(self, parameters: Sequence[Parameters]) -> Array:
-        """Amplitudes (n_loads, K) of all loads at K parameter vectors."""
-        return np.stack([self.model.amplitudes(point) for point in parameters], axis=1)
-
     def free_parts(self, states: Array) -> dict[str, Array]:
         """Values (n_f, k) of states (n_dofs, k) at the free dofs of each field."""
         layout = self.model.space.layout
@@ -129,3 +120,18 @@ def _all_or_none(flags: BoolArray, name: str) -> bool:
             "set training.method = 'full'"
         )
     return bool(flags.any())
+
+
+def coefficients_of(model: AffineModel, points: Sequence[Parameters]) -> Array:
+    """Coefficients (n_terms, K) at K parameter vectors of all terms, in the order of `SplitModel.terms`."""
+    return np.array([[term.coefficient(point) for point in points] for _, term in _terms(model)])
+
+
+def amplitudes_of(model: AffineModel, points: Sequence[Parameters]) -> Array:
+    """Amplitudes (n_loads, K) of all loads at K parameter vectors."""
+    return np.stack([model.amplitudes(point) for point in points], axis=1)
+
+
+def _terms(model: AffineModel) -> list[tuple[int, AffineTerm]]:
+    orders = ((2, model.second_order), (1, model.first_order), (0, model.zeroth_order))
+    return [(order, term) for order, terms in orders for term in terms]

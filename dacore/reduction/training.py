@@ -3,8 +3,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from dacore.core.arrays import Array, IntArray
 from dacore.core.background import Background
 from dacore.core.model import ForwardModel, Trajectory
@@ -14,6 +12,7 @@ from dacore.dynamics.motions import Motions
 from dacore.reduction.background import background_of
 from dacore.reduction.greedy import Round, Settings, train
 from dacore.reduction.model import ReducedModel
+from dacore.reduction.split import amplitudes_of
 
 Solve = Callable[[ForwardModel, Sequence[int]], Sequence[Trajectory]]
 
@@ -76,8 +75,7 @@ def train_reduced(
     CapabilityError
         If the model cannot be projected field by field.
     """
-    amplitudes = model.model.amplitudes
-    motions = Motions(model, np.stack([amplitudes(parameters.as_mapping(row)) for row in samples], axis=1))
+    motions = Motions(model, amplitudes_of(model.model, [parameters.as_mapping(row) for row in samples]))
     trained = train(
         model, motions, parameters, samples, lambda numbers: solve(motions, numbers), settings, progress
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dacore.algebra.svd import left_svd
 from dacore.figures.bound import BoundCurve, bound
 from dacore.figures.inf_sup import InfSupCurve, inf_sup
 from dacore.figures.modes import ModeField, modes
@@ -63,7 +64,7 @@ def draw_modes(canvas: Canvas) -> Drawn:
         whose = name_of(session.builder, name)
     else:
         centred = session.background.coefficients - session.background.mean()[:, :, None]
-        left = np.linalg.svd(centred.reshape(session.background.dimension, -1), full_matrices=False)[0]
+        left = left_svd(centred.reshape(session.background.dimension, -1))[0]
         vectors, whose = session.background.lift(left[:, :SHOWN_MODES]), "training set"
     fields = [
         ModeField(field.name, canvas.values(view, vectors, field.name)) for field in session.background.space.fields

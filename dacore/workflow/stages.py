@@ -6,8 +6,6 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dacore import __version__
 from dacore.algebra.compress import compress
 from dacore.core.arrays import Array
@@ -214,12 +212,11 @@ def scene_pipeline(
 
     def make_refinement(results: Results, _: Path) -> Any:
         model: MarchedModel = results["model"]
-        middle = {p.name: float(p.quantile(np.array(0.5))) for p in results["parameters"].parameters}
         factor = scene.validation.refine_time
         errors = ErrorMeter(
             model.space, scene.training.product, contrasts(results), {f.name: 1.0 for f in model.space.fields}
         )
-        return time_refinement(model, builder.march(model.model, factor), middle, factor, errors)
+        return time_refinement(model, builder.march(model.model, factor), results["parameters"].middle, factor, errors)
 
     def make_mesh(domain: Domain) -> Mesh:
         with builder.blame("domain"):

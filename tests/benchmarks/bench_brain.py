@@ -6,7 +6,6 @@ Run with ``make bench``. Nothing is asserted about time: machines differ and are
 import resource
 import time
 
-import numpy as np
 import pytest
 
 from dacore.algebra.threads import one_blas_thread
@@ -38,7 +37,7 @@ def test_cost_of_the_main_job(nodes):
         model = timed("all Biot matrices, P1-P1", lambda: biot.Biot().build(lambda f: backend.discretize(mesh, f)))
         marched = timed("restriction to free dofs, symmetry check", lambda: MarchedModel(model, TimeGrid(5e-4, 40)))
         timed("elimination order, once for all samples", lambda: marched.analysis)
-        middle = {p.name: float(p.quantile(np.array(0.5))) for p in model.parameters.parameters}
+        middle = model.parameters.middle
         timed("one trajectory of 40 steps at 1e-10", lambda: marched.solve(middle))
         space = FiniteElementSpace(backend.discretize(mesh, list(model.space.fields)))
         slices = (voxels.Slice("z", 8.5),)

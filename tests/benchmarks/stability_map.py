@@ -34,7 +34,7 @@ def physical_radii(scheme):
     for divisions, skempton in product(DIVISIONS, SKEMPTONS):
         mesh = Box((0.0, 0.0), (4.0, 4.0), (divisions, divisions), ROLES).mesh()
         model = Biot(skempton=skempton).build(lambda fields, mesh=mesh: SkfemBackend().discretize(mesh, fields))
-        middle = {p.name: float(p.quantile(np.array(0.5))) for p in model.parameters.parameters}
+        middle = model.parameters.middle
         for step in STEPS:
             system = StepSystem(model, scheme, step)
             for kappa in KAPPAS:

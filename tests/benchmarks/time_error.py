@@ -75,7 +75,7 @@ class Study:
         self.case = case
         mesh, backend = Brain(nodes=nodes, neck_height=1.0).mesh(), SkfemBackend()
         self.model = Biot(ramp=case.ramp).build(lambda fields: backend.discretize(mesh, fields))
-        self.middle = {p.name: float(p.quantile(np.array(0.5))) for p in self.model.parameters.parameters}
+        self.middle = self.model.parameters.middle
         self.analysis = None
 
     def march(self, scheme, substeps, graded):

@@ -165,7 +165,7 @@ class Measurement:
             if isinstance(model, MarchedModel):
                 model.method = clock = Clocked(model.method)
                 _ = model.analysis
-        parameters = {p.name: float(p.quantile(np.array(0.5))) for p in builder.parameters(model).parameters}
+        parameters = builder.parameters(model).middle
         with self._timed("trajectory"):
             solved = model.solve(parameters)
         self.costs["memory solving"] = peak_memory()

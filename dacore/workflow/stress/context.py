@@ -124,7 +124,7 @@ class Context:
         space = self.session.parameters
         if missing := [name for name in changes if name not in space.names]:
             raise Inapplicable(f"the model has no parameter {', '.join(missing)}")
-        middle = {p.name: float(p.quantile(np.array(0.5))) for p in space.parameters}
+        middle = space.middle
         return middle | changes
 
     @cached_property

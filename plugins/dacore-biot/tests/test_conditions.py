@@ -84,7 +84,7 @@ def test_the_brain_is_one_of_these_bodies(head, on):
     """Effective tractions are, as total ones, less by what the given pressures press on the walls."""
     biot = Biot(pressure_on_neck="csf").build(on(head()))
     body = biot.space.discretization
-    theta = {p.name: float(p.quantile(np.array(0.5))) for p in biot.parameters.parameters}
+    theta = biot.parameters.middle
     grid = TimeGrid(5e-4, 6)
     expected = MarchedModel(biot, grid, tolerance=1e-12).solve(theta).states
     loads = {load.name: load for load in biot.loads}
