@@ -51,14 +51,19 @@ def matrices(n):
     return csr_array(mass), csr_array(stiffness), csr_array(derivative)
 
 
+def place(matrix, row, column):
+    """Put an (n, n) block for u (0) and p (1) into a (2 n, 2 n) matrix."""
+    block, n = coo_array(matrix), matrix.shape[0]
+    entries = (block.data, (block.row + row * n, block.col + column * n))
+    return csr_array(entries, shape=(2 * n, 2 * n))
+
+
 def rod(n=60, ranges=None, **changes):
     """Held at the left, pulled at the right, with given pressures at both ends; `changes` replaces parts."""
     mass, stiffness, derivative = matrices(n)
 
     def term(name, matrix, row, column):
-        block = coo_array(matrix)
-        entries = (block.data, (block.row + row * n, block.col + column * n))
-        return AffineTerm(name, csr_array(entries, shape=(2 * n, 2 * n)), itemgetter(name))
+        return AffineTerm(name, place(matrix, row, column), itemgetter(name))
 
     constrained, flow = np.zeros(2 * n, dtype=bool), np.arange(2 * n) >= n
     constrained[[0, n, 2 * n - 1]] = True

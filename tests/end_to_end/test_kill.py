@@ -58,24 +58,20 @@ def content(cache):
     return {path.relative_to(cache).as_posix(): path.read_bytes() for path in kept}
 
 
-@pytest.fixture(scope="module")
-def script(tmp_path_factory):
-    path = tmp_path_factory.mktemp("script") / "train.py"
-    path.write_text(TRAIN)
-    return path
+def run_undisturbed(script, cache, settings=SMALL):
+    """Everything that one process leaves in its cache, and the seconds it took after its model was made."""
+    running = train(script, cache, 1, settings)
+    began = time.monotonic()
+    finish(running)
+    return content(cache), time.monotonic() - began
 
 
 @pytest.fixture(scope="module")
 def undisturbed(script, tmp_path_factory):
-    """Everything that a run leaves in its cache, and the seconds it took after its model was made."""
-    cache = tmp_path_factory.mktemp("undisturbed")
-    running = train(script, cache, 1)
-    began = time.monotonic()
-    finish(running)
-    files = content(cache)
+    files, seconds = run_undisturbed(script, tmp_path_factory.mktemp("undisturbed"))
     assert sum("trajectory_" in name for name in files) == 17
     assert sum(map(len, files.values())) > 1e6
-    return files, time.monotonic() - began
+    return files, seconds
 
 
 def check_killed(script, cache, undisturbed, kills, seed):

@@ -9,7 +9,7 @@ import pytest
 from dacore import open_scene
 from dacore.dynamics import training
 from dacore.execution import cluster
-from tests.end_to_end.test_kill import TOY, TRAIN, content, finish, kill, train
+from tests.end_to_end.test_kill import TOY, content, finish, kill, run_undisturbed, train
 
 SMALL = (
     "domain.edge=2.4", "time.steps=10", "training.samples=40", 'training.method="reduced"', "training.reduction=1e-3",
@@ -18,24 +18,12 @@ SMALL = (
 
 
 @pytest.fixture(scope="module")
-def script(tmp_path_factory):
-    path = tmp_path_factory.mktemp("script") / "train.py"
-    path.write_text(TRAIN)
-    return path
-
-
-@pytest.fixture(scope="module")
 def undisturbed(script, tmp_path_factory):
-    """Everything that one process leaves in its cache, and the seconds it took after its model was made."""
-    cache = tmp_path_factory.mktemp("undisturbed")
-    running = train(script, cache, 1, SMALL)
-    began = time.monotonic()
-    finish(running)
-    files = content(cache)
+    files, seconds = run_undisturbed(script, tmp_path_factory.mktemp("undisturbed"), SMALL)
     assert sum(name.startswith("motions") for name in files) == 10
     assert sum(name.startswith("truth") for name in files) == 2
     assert sum(name.startswith("training") for name in files) == 1
-    return files, time.monotonic() - began
+    return files, seconds
 
 
 def count(monkeypatch, owner, name):

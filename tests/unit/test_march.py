@@ -6,12 +6,11 @@ from operator import itemgetter
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import csr_array
 
 from dacore.algebra.solvers import Auto, Direct
 from dacore.core.fields import Field, Layout
-from dacore.core.model import AffineModel, AffineTerm, Load
-from dacore.core.parameters import Parameter, ParameterSpace
+from dacore.core.model import AffineTerm, Load
 from dacore.core.space import StateSpace
 from dacore.core.timegrid import TimeGrid
 from dacore.dynamics.generalized_alpha import GeneralizedAlpha
@@ -23,6 +22,7 @@ from dacore.dynamics.scheme import State
 from dacore.dynamics.static import consistent_start, steady_state
 from dacore.dynamics.system import StepSystem
 from dacore.errors import AccuracyError, CapabilityError, ShapeError
+from tests import rods
 
 N = 12
 THETA = {"rho": 1.3, "modulus": 40.0, "alpha": 0.8, "storage": 0.05, "mobility": 0.3, "pull": -2.0}
@@ -45,52 +45,19 @@ class Rod(StateSpace):
         raise NotImplementedError
 
 
-def rod_matrices():
-    """Mass, stiffness and ∫ a b' of linear elements."""
-    h = 1.0 / (N - 1)
-    weights = np.full(N, 2.0)
-    weights[[0, -1]] = 1.0
-    mass = h / 6 * diags_array([np.ones(N - 1), 2 * weights, np.ones(N - 1)], offsets=[-1, 0, 1])
-    stiffness = diags_array([-np.ones(N - 1), weights, -np.ones(N - 1)], offsets=[-1, 0, 1]) / h
-    ends = np.zeros(N)
-    ends[[0, -1]] = -0.5, 0.5
-    derivative = diags_array([np.full(N - 1, -0.5), ends, np.full(N - 1, 0.5)], offsets=[-1, 0, 1])
-    return csr_array(mass), csr_array(stiffness), csr_array(derivative)
-
-
-def place(block, row, column):
-    grid = np.zeros((2, 2))
-    grid[row, column] = 1.0
-    return csr_array(np.kron(grid, block.toarray()))
-
-
 def rod(**changes):
-    """Held at the left, pulled at the right, with given pressures at both ends; `changes` replaces parts."""
-    mass, stiffness, derivative = rod_matrices()
-    term = lambda name, matrix, row, column: AffineTerm(name, place(matrix, row, column), itemgetter(name))  # noqa: E731
-    constrained, flow = np.zeros(2 * N, dtype=bool), np.arange(2 * N) >= N
-    constrained[[0, N, 2 * N - 1]] = True
-    none = np.zeros(2 * N)
+    """The rod of N points at THETA, its pressures the other way round, in the Euclidean product."""
     force, left, right = np.eye(2 * N)[[N - 1, N, 2 * N - 1]]
+    none = np.zeros(2 * N)
     parts = {
         "space": Rod(),
-        "parameters": ParameterSpace(tuple(Parameter(name, "1", v, v) for name, v in THETA.items())),
-        "second_order": (term("rho", mass, 0, 0),),
-        "first_order": (term("storage", mass, 1, 1), term("alpha", derivative, 1, 0)),
-        "zeroth_order": (
-            term("modulus", stiffness, 0, 0),
-            term("alpha", derivative, 0, 1),
-            term("mobility", stiffness, 1, 1),
-        ),
         "loads": (
             Load("pull", itemgetter("pull"), Sine(1.0), force, none),
             Load("inflow", itemgetter("inflow"), Constant(), none, right),
             Load("outflow", itemgetter("outflow"), Constant(), none, left),
         ),
-        "constrained": constrained,
-        "antisymmetric": flow,
     }
-    return AffineModel(**(parts | changes))
+    return rods.rod(N, {name: (value, value) for name, value in THETA.items()}, **(parts | changes))
 
 
 class Counter:
@@ -379,7 +346,7 @@ def test_unknown_start_is_refused():
 
 def test_a_flow_that_sees_the_displacement_at_rest_has_no_steady_start():
     base = rod()
-    sight = AffineTerm("sight", place(rod_matrices()[0], 1, 0), itemgetter("alpha"))
+    sight = AffineTerm("sight", rods.place(rods.matrices(N)[0], 1, 0), itemgetter("alpha"))
     model = rod(zeroth_order=(*base.zeroth_order, sight))
     with pytest.raises(CapabilityError, match="steady start"):
         steady_state(model, THETA, np.eye(3))
@@ -403,7 +370,7 @@ def test_consistent_start_satisfies_the_equations_at_time_zero():
 def test_energy_is_lost_to_seepage_alone():
     """β = 1/4, γ = 1/2: E₁ − E₀ = −τ κ |∇p_mid|², exactly; E = ½(ẏᵀMẏ + uᵀKu + S pᵀMp)."""
     model, grid = rod(loads=()), TimeGrid(0.03, 60)
-    mass, stiffness, _ = rod_matrices()
+    mass, stiffness, _ = rods.matrices(N)
     rng = np.random.default_rng(0)
     value, rate = np.zeros((2 * N, 1)), np.zeros((2 * N, 1))
     value[1:-1] = rng.standard_normal((2 * N - 2, 1))
@@ -433,7 +400,7 @@ def test_energy_is_lost_to_seepage_alone():
 def test_energy_of_generalised_alpha_is_lost_to_seepage_and_to_damping_alone(rho, mobility):
     """The exact balance of `dacore.dynamics.generalized_alpha`, of the whole coupled system."""
     model, tau, scheme = rod(loads=()), 0.03, GeneralizedAlpha(rho)
-    mass, stiffness, _ = rod_matrices()
+    mass, stiffness, _ = rods.matrices(N)
     theta, s = THETA | {"mobility": mobility}, (1 - rho) / (2 * (1 + rho))
     rng = np.random.default_rng(0)
     value, rate = np.zeros((2 * N, 1)), np.zeros((2 * N, 1))
