@@ -23,8 +23,8 @@ from rich.text import Text
 from dacore.pipeline.costs import memory_text, seconds_text
 from dacore.pipeline.runner import PlannedStage
 from dacore.plugins.registry import Row
+from dacore.workflow.board import ProgressBoard
 from dacore.workflow.report_parts import Cell, Table
-from dacore.workflow.stages import ProgressBoard
 
 TONE_STYLE = {"": "", "best": "bold green", "bad": "red", "muted": "dim"}
 STATUS_STYLE = {"run": "bold", "resume": "bold", "cached": "green", "skipped": "dim"}

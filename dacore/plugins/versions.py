@@ -28,18 +28,31 @@ def fingerprints() -> dict[str, str]:
     for point in entry_points(group=GROUP):
         if point.dist is not None:
             packages.setdefault(point.dist.name, set()).add(_package(point))
-    return {name: f"{version}+{_hash(sorted(packages[name]))}" for name, version in versions().items()}
+    hashes = {name: "+".join(map(source_hash, sorted(each))) for name, each in packages.items()}
+    return {name: f"{version}+{hashes[name]}" for name, version in versions().items()}
 
 
 def _package(point: EntryPoint) -> str:
     return point.value.partition(":")[0].partition(".")[0]
 
 
-def _hash(packages: list[str]) -> str:
+@cache
+def source_hash(module: str, folders: tuple[str, ...] = ("",)) -> str:
+    """Hash of the Python source of a module's package, or of some folders of it; imports nothing.
+
+    Parameters
+    ----------
+    module : str
+        Any module of the package.
+    folders : tuple of str
+        Folders below the package's; "" for all of it.
+    """
     content = hashlib.sha256()
-    for package in packages:
-        for path, name in _sources(package):
-            content.update(name.encode() + b"\0" + path.read_bytes())
+    sources = _sources(module.partition(".")[0])
+    for folder in folders:
+        for path, name in sources:
+            if not folder or name.startswith(f"{folder}/"):
+                content.update(name.encode() + b"\0" + path.read_bytes())
     return content.hexdigest()[:12]
 
 

@@ -1,12 +1,10 @@
 """From a scene's plugin tables to objects."""
 
-import hashlib
-import importlib
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -35,6 +33,7 @@ from dacore.errors import DacoreError, MissingDependencyError, PluginError, Scen
 from dacore.io.scene import PluginTable, Scene, convert
 from dacore.plugins.registry import Registry, load
 from dacore.plugins.settings import build
+from dacore.plugins.versions import source_hash
 from dacore.studies.errors import Contrast
 
 
@@ -284,30 +283,6 @@ class Builder:
         if self.scene.domain is not None:
             out[f"backend {self.scene.discretization.backend}"] = self.backend_version
         return out
-
-
-@cache
-def source_hash(module: str, folders: tuple[str, ...] = ("",)) -> str:
-    """Hash of the Python source of a module's package, or of some folders of it.
-
-    Parameters
-    ----------
-    module : str
-        Any module of the package.
-    folders : tuple of str
-        Folders below the package's; "" for all of it.
-    """
-    package = importlib.import_module(module.partition(".")[0])
-    if package.__file__ is None:
-        return "none"
-    if not hasattr(package, "__path__"):  # a module of its own; its folder is everybody's
-        return hashlib.sha256(Path(package.__file__).read_bytes()).hexdigest()[:12]
-    root = Path(package.__file__).parent
-    content = hashlib.sha256()
-    for folder in folders:
-        for path in sorted((root / folder).rglob("*.py")):
-            content.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
-    return content.hexdigest()[:12]
 
 
 def join(parts: list[Functionals]) -> Functionals:

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from matplotlib.figure import Figure
 
-from dacore.workflow.build import source_hash
+from dacore.plugins.versions import source_hash
 from dacore.workflow.content import content_key
 
 T = TypeVar("T")

@@ -9,12 +9,13 @@ from dacore.algebra.threads import one_blas_thread
 from dacore.io.atomic import make_folder
 from dacore.pipeline.costs import Cost, Record, processor_time
 from dacore.pipeline.runner import PlannedStage
+from dacore.workflow.board import ProgressBoard
 from dacore.workflow.laws import REPORT, report
 from dacore.workflow.machine import usable_cores
 from dacore.workflow.report_parts import Table
 from dacore.workflow.results import summarise, write_json
 from dacore.workflow.session import Session, open_scene
-from dacore.workflow.stages import ProgressBoard, targets
+from dacore.workflow.stages import targets
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,10 @@ from dacore.reduction.training import Reduced
 from dacore.studies.reduction import UnseenErrors
 from dacore.studies.refinement import Refinement
 from dacore.studies.validation import Judged, Validation
+from dacore.workflow.board import ProgressBoard
 from dacore.workflow.build import Builder
 from dacore.workflow.laws import sizes_of
-from dacore.workflow.stages import ProgressBoard, scene_pipeline
+from dacore.workflow.stages import scene_pipeline
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from dacore.core.model import ForwardModel
 from dacore.core.noise import WhiteNoise
 from dacore.core.observation import Functionals
 from dacore.dynamics.march import MarchedModel
-from dacore.dynamics.training import Progress, draw, solve_all
+from dacore.dynamics.training import draw, solve_all
 from dacore.errors import SceneError
 from dacore.io.background import read_background, write_background
 from dacore.io.functionals import read_functionals, write_functionals
@@ -24,6 +24,7 @@ from dacore.io.mesh_cache import read_mesh_cache, write_mesh_cache
 from dacore.io.scene import PluginTable, Scene
 from dacore.io.snapshots import TrajectoryStore
 from dacore.pipeline.stage import Codec, Pipeline, Results, Stage
+from dacore.plugins.versions import source_hash
 from dacore.reduction.greedy import Settings as ReductionSettings
 from dacore.reduction.kept import read_reduced, write_reduced
 from dacore.reduction.training import Reduced, Solve, train_reduced
@@ -42,7 +43,8 @@ from dacore.studies.reduction import unseen_errors
 from dacore.studies.reference import measure, project
 from dacore.studies.refinement import time_refinement
 from dacore.studies.validation import PRODUCT, Judge, Judged, NoisyData, Validation, gather, joint_weights
-from dacore.workflow.build import Builder, source_hash
+from dacore.workflow.board import ProgressBoard
+from dacore.workflow.build import Builder
 from dacore.workflow.laws import priced
 from dacore.workflow.motions import solved_or_kept
 from dacore.workflow.trajectories import TrajectorySet, read_note, write_note
@@ -53,17 +55,6 @@ _log = logging.getLogger(__name__)
 NUMERICS = ("core", "algebra", "geometry", "domains", "dynamics")
 # The parts whose code decides how the unseen cases are measured and judged.
 JUDGING = ("core", "algebra", "studies")
-
-
-class ProgressBoard:
-    """Where stages report how far they are; the command line draws it."""
-
-    def meter(self, title: str) -> Progress | None:
-        """Return a callback (done, total) for one piece of work, or None for silence."""
-        return None
-
-    def stage(self, name: str, event: str) -> None:
-        """Hear that stage `name` starts ("start"), is done ("done"), or was kept ("cached")."""
 
 
 def scene_pipeline(

@@ -12,12 +12,12 @@ from dacore.io.scene import read_table
 from dacore.workflow.bench.point import Point, against_exact, forward_errors, kept_arrays, point
 from dacore.workflow.bench.reference import probes, references
 from dacore.workflow.bench.sweeps import Kind, default_sweeps, pick
+from dacore.workflow.board import ProgressBoard
 from dacore.workflow.build import Builder
 from dacore.workflow.comparison.measure import Job
 from dacore.workflow.comparison.run import checked, make_domains, run_job
 from dacore.workflow.comparison.variants import Axis, Variant, combinations
 from dacore.workflow.machine import usable_cores
-from dacore.workflow.stages import ProgressBoard
 
 
 @dataclass(frozen=True, eq=False)

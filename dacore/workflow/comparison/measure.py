@@ -27,12 +27,13 @@ from dacore.errors import DacoreError
 from dacore.io.scene import validate
 from dacore.pipeline.runner import Runner
 from dacore.studies.validation import Outcome
+from dacore.workflow.board import ProgressBoard
 from dacore.workflow.build import Builder
 from dacore.workflow.comparison.clock import Clocked
 from dacore.workflow.laws import sizes_of
 from dacore.workflow.machine import memory_now, peak_memory
 from dacore.workflow.session import Session
-from dacore.workflow.stages import ProgressBoard, scene_pipeline
+from dacore.workflow.stages import scene_pipeline
 
 Depth = Literal["matrices", "trajectory", "estimate"]
 DEPTHS: tuple[Depth, ...] = ("matrices", "trajectory", "estimate")

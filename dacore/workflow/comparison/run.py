@@ -18,12 +18,13 @@ from dacore.errors import SceneError
 from dacore.io.atomic import make_folder
 from dacore.io.scene import read_table, validate
 from dacore.pipeline.runner import Runner
+from dacore.workflow.board import ProgressBoard
 from dacore.workflow.build import Builder
 from dacore.workflow.comparison.agreement import Agreement, agreement
 from dacore.workflow.comparison.measure import DEPTHS, MARK, Depth, Job, read_arrays, write_job
 from dacore.workflow.comparison.variants import Axis, Variant, variants
 from dacore.workflow.machine import usable_cores
-from dacore.workflow.stages import ProgressBoard, scene_pipeline
+from dacore.workflow.stages import scene_pipeline
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,9 +18,9 @@ from dacore.core.space import StateSpace
 from dacore.dynamics.generalized_alpha import GeneralizedAlpha
 from dacore.dynamics.newmark import Newmark
 from dacore.errors import DacoreError, PluginError
+from dacore.workflow.board import ProgressBoard
 from dacore.workflow.build import Builder
 from dacore.workflow.session import Session, open_scene
-from dacore.workflow.stages import ProgressBoard
 from dacore.workflow.stress.case import Inapplicable, Refusal
 from dacore.workflow.stress.stepping import Plain
 

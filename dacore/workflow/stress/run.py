@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dacore.algebra.threads import one_blas_thread
+from dacore.workflow.board import ProgressBoard
 from dacore.workflow.build import Builder
-from dacore.workflow.stages import ProgressBoard
 from dacore.workflow.stress.case import FAILURES, Case, Judged, Verdict, judge
 from dacore.workflow.stress.context import Context, open_context
 from dacore.workflow.stress.needs import mpmath
