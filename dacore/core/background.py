@@ -6,6 +6,7 @@ works on the small array of coefficients alone: weighting a field by ζ is scali
 coefficients by √ζ.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -16,6 +17,19 @@ from dacore.core.parameters import ParameterSpace
 from dacore.core.reduced import ReducedSpace
 from dacore.core.space import Product, StateSpace
 from dacore.errors import ShapeError
+
+
+class ParametricMap(ABC):
+    """From parameters to trajectories in a background's bases: a reduced model, or an interpolation of one."""
+
+    @abstractmethod
+    def coefficients(self, points: Array) -> Array:
+        """Trajectories (r, t, k), in the bases and at the times of the background, of parameters (k, n_parameters)."""
+
+    @property
+    @abstractmethod
+    def accuracy(self) -> Mapping[str, float]:
+        """For each field, the relative space–time error that is to be expected of a trajectory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +51,8 @@ class Background:
         Inner product of the bases.
     compression : mapping of str to float
         For each field, the relative error of the compression in the mean-square sense.
+    forward : ParametricMap, optional
+        What makes further trajectories from parameters, where training left it behind.
     """
 
     space: StateSpace
@@ -47,6 +63,7 @@ class Background:
     samples: Array
     kind: Product
     compression: Mapping[str, float]
+    forward: ParametricMap | None = None
 
     def __post_init__(self) -> None:
         r = sum(self.bases[field.name].dimension for field in self.space.fields)

@@ -9,6 +9,7 @@ from scipy.stats import norm
 from dacore.core.arrays import Array, BoolArray, IntArray, as_indices
 from dacore.core.background import Background
 from dacore.core.fields import Layout
+from dacore.core.misfit import Misfit
 from dacore.core.noise import NoiseModel
 from dacore.core.observation import Functionals
 from dacore.core.quantity import QuantityOfInterest
@@ -46,16 +47,61 @@ class Uncertainty(ABC):
         (s, k) array
         """
 
+    def quantile(self, centre: Array, level: float, on_modes: Array, on_correction: Array | None) -> Array:
+        """Quantiles (s, k) of linear functionals of the trajectory; Gaussian about `centre` unless it is known better.
+
+        Parameters
+        ----------
+        centre : (s, k) array
+            The functionals of the estimate itself.
+        level : float
+            Between 0 and 1.
+        on_modes, on_correction
+            As `variance` takes them.
+        """
+        return np.asarray(centre + float(norm.ppf(level)) * np.sqrt(self.variance(on_modes, on_correction)))
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterEstimate:
+    """What was found of a model's parameters, beside the state.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The parameters that vary, p of them.
+    values : (p, k) array
+    covariance : (k, p, p) array
+    prior : (p,) array
+        Standard deviation of each before anything was measured.
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    covariance: Array
+    prior: Array
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviation (p, k)."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)).T
+
+    @property
+    def learned(self) -> Array:
+        """1 − posterior variance / prior variance (p, k): 1 where the data say all, 0 where they say nothing."""
+        return np.asarray(1.0 - (self.deviation / self.prior[:, None]) ** 2)
+
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """States of k series over t observed steps, kept as coefficients until asked for.
+    """States of k series over t steps, kept as coefficients until asked for.
 
     Parameters
     ----------
     background : Background
     steps : (t,) int array
-        Which of the background's times were observed.
+        Which of the background's times the states are of: those observed, or more where the estimator knows
+        how times go together.
     coefficients : (r, t, k) array
         In the background's bases.
     correction : (m, t, k) array, optional
@@ -63,6 +109,10 @@ class Estimate:
     riesz : Riesz, optional
         Needed where there is a correction.
     uncertainty : Uncertainty, optional
+    misfit : Misfit, optional
+        Whether the data contradict what the estimator supposes.
+    parameters : ParameterEstimate, optional
+        Of an estimator that finds the model's parameters, too.
     """
 
     background: Background
@@ -71,6 +121,8 @@ class Estimate:
     correction: Array | None = None
     riesz: Riesz | None = None
     uncertainty: Uncertainty | None = None
+    misfit: Misfit | None = None
+    parameters: ParameterEstimate | None = None
 
     @property
     def n_series(self) -> int:
@@ -103,19 +155,25 @@ class Estimate:
 
     def standard_deviation(self, quantity: QuantityOfInterest) -> Array:
         """Standard deviation (s, k) of `quantity`; ShapeError if the estimator gives none."""
+        uncertainty, on_modes, on_correction = self._uncertain(quantity)
+        return np.asarray(np.sqrt(uncertainty.variance(on_modes, on_correction)))
+
+    def interval(self, quantity: QuantityOfInterest, level: float = 0.9) -> tuple[Array, Array]:
+        """Central interval of `quantity` as (low, high), each (s, k); Gaussian unless the estimator knows better."""
+        if not 0 < level < 1:
+            raise ShapeError(f"level: got {level}, expected between 0 and 1")
+        uncertainty, on_modes, on_correction = self._uncertain(quantity)
+        centre = self.quantity(quantity)
+        low, high = (
+            uncertainty.quantile(centre, tail, on_modes, on_correction) for tail in (0.5 - level / 2, 0.5 + level / 2)
+        )
+        return low, high
+
+    def _uncertain(self, quantity: QuantityOfInterest) -> tuple[Uncertainty, Array, Array | None]:
         if self.uncertainty is None:
             raise ShapeError("this estimate carries no uncertainty; use an estimator that gives one")
         riesz = self.riesz if self.correction is not None else None
-        on_modes, on_correction = weights_of(quantity, self.background, len(self.steps), riesz)
-        return np.asarray(np.sqrt(self.uncertainty.variance(on_modes, on_correction)))
-
-    def interval(self, quantity: QuantityOfInterest, level: float = 0.9) -> tuple[Array, Array]:
-        """Central Gaussian interval of `quantity` as (low, high), each (s, k)."""
-        if not 0 < level < 1:
-            raise ShapeError(f"level: got {level}, expected between 0 and 1")
-        half = float(norm.ppf(0.5 + level / 2)) * self.standard_deviation(quantity)
-        centre = self.quantity(quantity)
-        return centre - half, centre + half
+        return self.uncertainty, *weights_of(quantity, self.background, len(self.steps), riesz)
 
 
 def weights_of(

@@ -1,0 +1,42 @@
+"""Whether data contradict what an estimator supposes: the chi-squared statistic of what it leaves of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from dacore.core.arrays import Array, BoolArray
+
+# One false alarm in ten thousand series whose model and noise are right.
+ALARM = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """Squared residuals in units of their expected deviation, series by series.
+
+    Parameters
+    ----------
+    statistic : (k,) array
+        Chi-squared distributed where model, training set and noise are right.
+    freedom : (k,) array
+        Degrees of freedom.
+    """
+
+    statistic: Array
+    freedom: Array
+
+    @property
+    def ratio(self) -> Array:
+        """Root mean square (k,) of the residuals over what was expected of them: 1 where all is right."""
+        return np.asarray(np.sqrt(self.statistic / self.freedom))
+
+    @property
+    def probability(self) -> Array:
+        """Probability (k,) of a misfit as large or larger."""
+        return np.asarray(chi2.sf(self.statistic, self.freedom))
+
+    @property
+    def alarm(self) -> BoolArray:
+        """Series (k,) whose data contradict the model, the training set or the stated noise."""
+        return np.asarray(self.probability < ALARM)
