@@ -115,6 +115,8 @@ def test_a_domain_without_ventricles(on):
         ({"ranges": {"nu": (0.4, 0.5)}}, "nu: got 0.5"),
         ({"skempton": 1.0, "ranges": {"kappa": (0.0, 1e-8)}}, "storage vanishes"),
         ({"ranges": {"E": (2.0, 1.0)}}, "low <= high"),
+        ({"neck_direction": (0.0, 0.0, 0.0)}, r"neck_direction: got \[0.0, 0.0, 0.0\], expected .* not all zero"),
+        ({"neck_direction": (float("nan"), 1.0)}, "neck_direction: got"),
         ({"rollers": {"neck": (0,)}}, "held already; leave it out"),
         ({"rollers": {"midplane": ()}}, r"got \[\] on midplane, expected different components"),
         ({"rollers": {"midplane": (0, 0)}}, r"got \[0, 0\] on midplane"),
@@ -211,6 +213,8 @@ def test_meshes_that_do_not_fit_are_refused(head, on):
         Biot().build(on(loose))
     with pytest.raises(ShapeError, match="pulse_axis"):
         Biot(pulse_axis=2).build(on(head(2)))
+    with pytest.raises(ShapeError, match="neck_direction: got 3 numbers, expected 2"):
+        Biot(neck_direction=(1.0, 0.0, 0.0)).build(on(head(2)))
 
 
 @pytest.mark.parametrize("pressure", ["none", "csf"])

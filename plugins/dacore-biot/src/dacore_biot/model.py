@@ -69,7 +69,9 @@ class Biot(Physics):
     pressure_on_neck : {"none", "csf"}
         No flux through the neck, or the outer pressure there.
     neck_displacement : float
-        Value [cm] of every component of u at the neck: a wrong boundary condition to study.
+        Displacement [cm] of the whole neck, constant in time: a wrong boundary condition to study.
+    neck_direction : tuple of float
+        Components of u at the neck for each cm of `neck_displacement`; empty: 1 for every component.
     rollers : mapping of str to tuple of int
         Components of u that are zero on other roles, or on `mre`: a plane of symmetry or a smooth wall across
         an axis. On a role that is none of the three the flux is zero.
@@ -101,6 +103,7 @@ class Biot(Physics):
     ramp: float = 0.0
     pressure_on_neck: NeckPressure = "none"
     neck_displacement: float = 0.0
+    neck_direction: tuple[float, ...] = ()
     rollers: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     neck: str = "neck"
     ventricles: str = "ventricles"
@@ -125,6 +128,10 @@ class Biot(Physics):
             raise ShapeError(f"ramp: got {self.ramp}, expected 0 (a jump) or a positive number of seconds")
         if len({self.neck, self.ventricles, self.mre}) != 3:
             raise ShapeError(f"roles: got {self.neck}, {self.ventricles}, {self.mre}, expected three different names")
+        if self.neck_direction and not (np.isfinite(self.neck_direction).all() and any(self.neck_direction)):
+            raise ShapeError(
+                f"neck_direction: got {list(self.neck_direction)}, expected one number a component, not all zero"
+            )
         self._check_rollers()
         _check_ranges(self.parameters)
 
@@ -171,6 +178,8 @@ class Biot(Physics):
         self._check_roles(mesh)
         if not 0 <= self.pulse_axis < mesh.dim:
             raise ShapeError(f"pulse_axis: got {self.pulse_axis}, expected 0 to {mesh.dim - 1}")
+        if self.neck_direction and len(self.neck_direction) != mesh.dim:
+            raise ShapeError(f"neck_direction: got {len(self.neck_direction)} numbers, expected {mesh.dim}")
         discretization = discretize(biot_fields(mesh.dim, self.displacement_order))
         terms = biot_terms(discretization, self.stabilization)
         held = self._held(discretization)
@@ -236,11 +245,18 @@ class Biot(Physics):
         none, rise = np.zeros(discretization.layout.n_dofs), SmoothRamp(self.ramp) if self.ramp else Constant()
         pulse = Load("pulse", itemgetter("xi"), Sine(self.frequency), self._traction(discretization), none)
         csf = Load("csf", itemgetter("p_csf"), rise, none, held["csf"].astype(np.float64))
-        neck = Load("neck", itemgetter("neck_displacement"), rise, none, held["neck"].astype(np.float64))
+        neck = Load("neck", itemgetter("neck_displacement"), rise, none, self._moved(discretization, held["neck"]))
         if not self.ventricles:
             return pulse, csf, neck
         ventricles = Load("ventricles", itemgetter("p_ventricles"), rise, none, held["ventricles"].astype(np.float64))
         return pulse, csf, ventricles, neck
+
+    def _moved(self, discretization: Discretization, held: BoolArray) -> Array:
+        """Values (n_dofs,) of the neck's dofs for each cm of its displacement."""
+        moved = held.astype(np.float64)
+        for axis, factor in enumerate(self.neck_direction):
+            moved[discretization.layout.component(DISPLACEMENT, axis)] *= factor
+        return moved
 
     def _traction(self, discretization: Discretization) -> Array:
         """∫ s v_y over `mre` (n_dofs,), with s linear between the mesh's ends."""
