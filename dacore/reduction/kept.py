@@ -11,6 +11,7 @@ from dacore.dynamics.march import MarchedModel
 from dacore.errors import DacoreError, StoreError
 from dacore.io.arrays import read_arrays, write_arrays
 from dacore.io.background import background_of, background_parts
+from dacore.reduction.forward import with_forward
 from dacore.reduction.galerkin import Tested, TestedTerm
 from dacore.reduction.greedy import Round
 from dacore.reduction.indicator import Indicator
@@ -71,8 +72,9 @@ def read_reduced(path: Path, model: MarchedModel, parameters: ParameterSpace) ->
             for k, each in enumerate(facts["rounds"])
         )  # fmt: skip
         return Reduced(
-            background, reduced, rounds, arrays["solved"].astype(np.int64), int(facts["motions"]), arrays["estimates"]
-        )
+            with_forward(background, reduced, arrays["estimates"]), reduced, rounds,
+            arrays["solved"].astype(np.int64), int(facts["motions"]), arrays["estimates"],
+        )  # fmt: skip
     except (KeyError, TypeError, ValueError, DacoreError) as error:
         raise StoreError(f"{path}: damaged or of another model ({error}); delete it and run again") from error
 

@@ -166,25 +166,33 @@ class ReducedMarch:
         for rows, flow in zip(self.tested.rows.values(), self.flow, strict=True):
             if flow:
                 scale[rows] = -1.0 / rule.rate_factor if rule.rate_factor else -1.0
-        solvers = []
-        for sample in weights.T:
-            matrix = np.zeros((r, r))
-            for term, weight in zip(self.tested.terms, sample, strict=True):
-                for (row, column), block in term.blocks.items():
-                    if weight:
-                        matrix[self.tested.rows[row], self.tested.columns[column]] += weight * block
-            matrix *= scale[:, None]
-            diagonal = np.abs(np.diag(matrix))
-            if not diagonal.min(initial=1.0) > 0:
-                raise ConvergenceError("reduced model: a step is singular; raise training.reduction or train in full")
-            unit = 1.0 / np.sqrt(diagonal)
-            matrix *= unit[:, None] * unit[None, :]
-            solvers.append((lu_factor(matrix, overwrite_a=True, check_finite=False), unit))
+        # Samples that differ in the amplitudes of loads only have one matrix.
+        distinct, which = np.unique(weights, axis=1, return_inverse=True)
+        solvers = [
+            (np.flatnonzero(which.ravel() == k), *self._factored(sample, scale)) for k, sample in enumerate(distinct.T)
+        ]
 
         def solve(right: Array) -> Array:
-            columns = [
-                unit * lu_solve(lu, unit * right[:, k], check_finite=False) for k, (lu, unit) in enumerate(solvers)
-            ]
-            return np.stack(columns, axis=1)
+            out = np.empty_like(right)
+            for columns, lu, unit in solvers:
+                part = lu_solve(lu, unit[:, None] * right[:, columns], overwrite_b=True, check_finite=False)
+                out[:, columns] = unit[:, None] * part
+            return out
 
         return solve, scale
+
+    def _factored(self, weights: Array, scale: Array) -> tuple[tuple[Array, Array], Array]:
+        """Factors of the step with given weights (n_terms,) of its terms, and the scaling (r,) of both its sides."""
+        r = len(scale)
+        matrix = np.zeros((r, r))
+        for term, weight in zip(self.tested.terms, weights, strict=True):
+            for (row, column), block in term.blocks.items():
+                if weight:
+                    matrix[self.tested.rows[row], self.tested.columns[column]] += weight * block
+        matrix *= scale[:, None]
+        diagonal = np.abs(np.diag(matrix))
+        if not diagonal.min(initial=1.0) > 0:
+            raise ConvergenceError("reduced model: a step is singular; raise training.reduction or train in full")
+        unit = 1.0 / np.sqrt(diagonal)
+        matrix *= unit[:, None] * unit[None, :]
+        return lu_factor(matrix, overwrite_a=True, check_finite=False), unit

@@ -10,6 +10,7 @@ from dacore.core.parameters import ParameterSpace
 from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.motions import Motions
 from dacore.reduction.background import background_of
+from dacore.reduction.forward import with_forward
 from dacore.reduction.greedy import Round, Settings, train
 from dacore.reduction.model import ReducedModel
 from dacore.reduction.split import amplitudes_of
@@ -24,6 +25,7 @@ class Reduced:
     Parameters
     ----------
     background : Background
+        With the reduced model as its `forward`.
     model : ReducedModel
         Knows the background's bases (`ReducedModel.onto`).
     rounds : tuple of Round
@@ -83,6 +85,8 @@ def train_reduced(
         model.space, trained.galerkin, trained.model.lift_products, trained.states, model.times, parameters, samples,
         compression,
     )  # fmt: skip
+    reduced = trained.model.on(onto)
     return Reduced(
-        background, trained.model.on(onto), trained.rounds, trained.solved, motions.parts.shape[1], trained.estimates
-    )
+        with_forward(background, reduced, trained.estimates), reduced, trained.rounds, trained.solved,
+        motions.parts.shape[1], trained.estimates,
+    )  # fmt: skip
