@@ -44,7 +44,7 @@ def test_it_is_as_accurate_as_it_says_on_unseen_parameters(trained):
         for name in ("u", "p"):
             block, product = b.space.layout.block(name), b.space.field_product(name, "l2")
             error, size = (np.einsum("ij,ij->", x[block], product @ x[block]) for x in (lifted[:, :, k] - truth, truth))
-            assert np.sqrt(error / size) < 3 * b.forward.accuracy[name] < 1e-4
+            assert np.sqrt(error / size) < 10 * b.forward.accuracy[name] < 1e-5
 
 
 def test_points_that_differ_in_loads_only_are_solved_as_well_together_as_alone(trained):
