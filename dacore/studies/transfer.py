@@ -2,7 +2,7 @@
 
 Interpolation takes the value at each node of the target. A node outside the source's domain, on a boundary that is
 curved or somewhere else, takes that of the nearest point of the source: how many do, and how far they are away, is
-counted. Projection takes what is nearest in the source's own norm; what is left is what no state of the target can have.
+counted. Projection takes what is nearest in the source's own norm; what is left is what no target state can have.
 """
 
 from collections.abc import Callable, Mapping
