@@ -34,3 +34,15 @@ def dacore_solvers() -> list[PluginSpec]:
         PluginSpec("direct", "dacore.algebra.solvers:Direct", summary="multifrontal, single precision, refined"),
         PluginSpec("krylov", "dacore.algebra.solvers:Krylov", summary="block-preconditioned GMRES"),
     ]
+
+
+@hookimpl
+def dacore_studies() -> list[PluginSpec]:
+    """Declare the studies."""
+    return [
+        PluginSpec(
+            "variants",
+            "dacore.workflow.studies.variants:Variants",
+            summary="the same truths from other data or with other settings",
+        ),
+    ]

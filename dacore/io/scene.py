@@ -126,6 +126,19 @@ class Noise(Table):
         return levels
 
 
+class Observed(Table):
+    """``[observed]``: which recorded steps are measured: so many phases, or steps counted from 1; all without."""
+
+    phases: Annotated[int, Field(ge=1)] | None = None
+    steps: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)] | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> "Observed":
+        if self.phases is not None and self.steps is not None:
+            raise ValueError("got both phases and steps, expected one of them")
+        return self
+
+
 class Contrast(Table):
     """An error of a field less a constant that would flatter it: {field = "p", minus = "p_csf"}."""
 
@@ -160,11 +173,11 @@ class Scene(Table):
     ----------
     title : str
     domain, physics : PluginTable
-    discretization, time, training, noise, validation, report : Table
+    discretization, time, training, observed, noise, validation, report : Table
     solver : SolverTable
     parameters : mapping of str to Range
         Ranges that replace the model's own.
-    observation, quantity, estimator : mapping of str to PluginTable
+    observation, quantity, estimator, study : mapping of str to PluginTable
         By a name of your choice.
     """
 
@@ -178,9 +191,11 @@ class Scene(Table):
     training: Training = Training()
     observation: Annotated[Mapping[Name, PluginTable], Field(min_length=1)]
     quantity: Mapping[Name, PluginTable] = {}
+    observed: Observed = Observed()
     noise: Noise = Noise()
     estimator: Annotated[Mapping[Name, PluginTable], Field(min_length=1)]
     validation: Validation = Validation()
+    study: Mapping[Name, PluginTable] = {}
     report: Views = Views()
 
     @model_validator(mode="after")

@@ -3,7 +3,7 @@
 import logging
 import shutil
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -61,6 +61,8 @@ class Runner:
         Stages to make anew whatever is kept; "all" for all of them. What is made replaces what was kept.
     sizes : mapping of str to float
         What is known of the scene's size before anything runs, for the stages' laws of cost.
+    elder : Runner, optional
+        Of another pipeline: what has the same key there is taken from it, and made there if it must be.
 
     Attributes
     ----------
@@ -80,11 +82,13 @@ class Runner:
     observer: Observer | None = None
     fresh: Collection[str] = ()
     sizes: Mapping[str, float] = field(default_factory=dict)
+    elder: "Runner | None" = None
     timings: dict[str, float] = field(default_factory=dict)
     states: dict[str, str] = field(default_factory=dict)
     _results: dict[str, Any] = field(default_factory=dict)
     _inner: list[tuple[float, float]] = field(default_factory=list)
     _resumed: set[str] = field(default_factory=set)
+    _renewed: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         known = [stage.name for stage in self.pipeline.stages]
@@ -98,8 +102,24 @@ class Runner:
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._results:
-            self._results[name] = self._make(self.pipeline[name])
+            elder = self.elder
+            if elder is not None and elder.pipeline.has(name, self.pipeline.key(name)):
+                self._results[name] = elder[name]
+            else:
+                self._results[name] = self._make(self.pipeline[name])
         return self._results[name]
+
+    def needed(self, name: str) -> bool:
+        """Whether the stage's result would have to be made: not kept, or to be made anew."""
+        stage = self.pipeline[name]
+        return self._anew(name) or not (stage.codec and self.path(stage).exists())
+
+    def renewed(self, names: Iterable[str]) -> None:
+        """Hear that the results of these stages were made and kept elsewhere, so that they are read."""
+        self._renewed.update(names)
+
+    def _anew(self, name: str) -> bool:
+        return name not in self._renewed and (ALL in self.fresh or name in self.fresh)
 
     def path(self, stage: Stage) -> Path:
         """Where the stage's result is kept."""
@@ -137,7 +157,7 @@ class Runner:
             self.ledger.keep(key, Record(stage.name, self.timings[stage.name], cpu, law.seconds if law else 0.0, found))
 
     def _load_or_compute(self, stage: Stage) -> Any:
-        anew = ALL in self.fresh or stage.name in self.fresh
+        anew = self._anew(stage.name)
         if stage.codec and not anew and self.path(stage).exists():
             try:
                 result = stage.codec.load(self.path(stage), self)
@@ -197,7 +217,7 @@ class Runner:
             if name in status:
                 return
             stage = self.pipeline[name]
-            anew = ALL in self.fresh or name in self.fresh
+            anew = self._anew(name)
             if stage.codec and not anew and self.path(stage).exists():
                 status[name] = ("cached", f"kept at {self.path(stage).name}")
                 needs = stage.codec.load_needs

@@ -104,6 +104,10 @@ class Pipeline:
     def __getitem__(self, name: str) -> Stage:
         return self._by_name[name]
 
+    def has(self, name: str, key: str) -> bool:
+        """Whether there is a stage of this name with this very key."""
+        return name in self._by_name and self.key(name) == key
+
     def key(self, name: str) -> str:
         """Content key: a hash of the stage's settings and of the keys of what it needs."""
         if name in self._keys:

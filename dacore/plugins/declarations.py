@@ -22,6 +22,7 @@ KINDS = {
     "quantity": "dacore_quantities",
     "estimator": "dacore_estimators",
     "solver": "dacore_solvers",
+    "study": "dacore_studies",
 }
 
 

@@ -1,4 +1,4 @@
-"""The plugin door: seven hooks, each a list of declarations. Declaring imports nothing.
+"""The plugin door: eight hooks, each a list of declarations. Declaring imports nothing.
 
 A plugin is an installed distribution with an entry point in the group ``dacore`` that names a
 module. The module implements some of the hooks below and imports no solver at its top::
@@ -91,6 +91,11 @@ class Hooks:
         """Linear solvers: frozen dataclasses, subclasses of `dacore.core.solver.SolverMethod`."""
         raise AssertionError
 
+    @hookspec
+    def dacore_studies(self) -> Sequence[PluginSpec]:
+        """Studies: frozen dataclasses, subclasses of `dacore.workflow.studies.study.Study`."""
+        raise AssertionError
+
 
 HOOKS = (
     "dacore_backends",
@@ -100,4 +105,5 @@ HOOKS = (
     "dacore_quantities",
     "dacore_estimators",
     "dacore_solvers",
+    "dacore_studies",
 )

@@ -5,11 +5,13 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from dacore.core.arrays import Array
-from dacore.core.estimator import BackgroundSpace, Estimate
+from dacore.core.estimator import BackgroundSpace, Estimate, ParameterEstimate
+from dacore.core.misfit import Misfit
 from dacore.errors import StoreError
 from dacore.io.arrays import read_arrays, write_arrays
 from dacore.studies.reference import Measured, Reference
@@ -18,7 +20,7 @@ from dacore.studies.validation import Judged, Outcome, QuantityOutcome
 
 MEASURED = "dacore measured cases 1"
 REFERENCE = "dacore reference cases 1"
-JUDGED = "dacore outcomes 1"
+JUDGED = "dacore outcomes 2"
 REFINEMENT = "dacore refinement 1"
 
 
@@ -52,9 +54,18 @@ def read_reference(path: Path) -> Reference:
 def write_judged(judged: Judged, path: Path) -> None:
     """Write the outcomes of an estimator, without its estimates; the file appears whole or not at all."""
     arrays: dict[str, Array] = {"inf_sup": judged.inf_sup}
-    facts = [{"estimator": each.estimator, "noise": each.noise, "seconds": each.seconds} for each in judged.outcomes]
+    facts: list[dict[str, Any]] = [
+        {"estimator": each.estimator, "noise": each.noise, "seconds": each.seconds} for each in judged.outcomes
+    ]
     for k, outcome in enumerate(judged.outcomes):
         arrays |= _under(f"{k}.per_step", outcome.per_step) | _under(f"{k}.space_time", outcome.space_time)
+        if outcome.misfit is not None:
+            arrays |= _under(f"{k}.misfit", asdict(outcome.misfit))
+        if outcome.parameters is not None:
+            found = outcome.parameters
+            facts[k]["parameters"] = list(found.names)
+            parts = {"values": found.values, "covariance": found.covariance, "prior": found.prior}
+            arrays |= _under(f"{k}.parameters", parts)
         for part in ("truth", "estimate", "deviation"):
             arrays |= _under(f"{k}.{part}", {name: getattr(q, part) for name, q in outcome.quantities.items()})
     for k, space in enumerate(judged.spaces):
@@ -82,6 +93,10 @@ def read_judged(path: Path, again: Callable[[float], Estimate]) -> Judged:
                 Outcome(
                     fact["estimator"], fact["noise"], _below(f"{k}.per_step", arrays),
                     _below(f"{k}.space_time", arrays), quantities, fact["seconds"], partial(again, fact["noise"]),
+                    Misfit(**misfit) if (misfit := _below(f"{k}.misfit", arrays)) else None,
+                    ParameterEstimate(tuple(fact["parameters"]), **_below(f"{k}.parameters", arrays))
+                    if "parameters" in fact
+                    else None,
                 )
             )  # fmt: skip
         spaces = [

@@ -7,14 +7,15 @@ the guess of the training mean. docs/method.md: Noise, Errors and numbers of int
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from dacore.core.arrays import Array
 from dacore.core.background import Background
-from dacore.core.estimator import BackgroundSpace, Estimate, PreparedEstimator
+from dacore.core.estimator import BackgroundSpace, Estimate, ParameterEstimate, PreparedEstimator, weights_of
+from dacore.core.misfit import Misfit
 from dacore.core.model import Trajectory
 from dacore.core.observation import Functionals
 from dacore.core.quantity import QuantityOfInterest
@@ -22,6 +23,7 @@ from dacore.core.space import Product
 from dacore.errors import ShapeError
 from dacore.estimators.frames import balanced_weights
 from dacore.studies.errors import JOINT, Contrast, ErrorMeter, ProjectedErrors
+from dacore.studies.noisy import NoisyData
 from dacore.studies.reference import Measured, measure, project
 
 PRIOR = "prior"
@@ -75,6 +77,9 @@ class Outcome:
         Wall time of estimating all cases (without errors).
     source : callable, optional
         Makes the estimate of all cases when a state of it is asked for.
+    misfit : Misfit, optional
+        Whether the data of each case contradict the estimator.
+    parameters : ParameterEstimate, optional
     """
 
     estimator: str
@@ -84,6 +89,8 @@ class Outcome:
     quantities: Mapping[str, QuantityOutcome]
     seconds: float
     source: Callable[[], Estimate] | None = None
+    misfit: Misfit | None = None
+    parameters: ParameterEstimate | None = None
 
     @cached_property
     def estimate(self) -> Estimate | None:
@@ -111,31 +118,6 @@ class Judged:
     outcomes: tuple[Outcome, ...]
     inf_sup: Array
     spaces: tuple[BackgroundSpace, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class NoisyData:
-    """The measurements of the unseen cases at several noise levels.
-
-    Parameters
-    ----------
-    clean : (m, t, k) array
-    data : mapping of float to (m, t, k) array
-    sigmas : mapping of float to (k,) array
-        Standard deviation of the noise of each case.
-    """
-
-    clean: Array
-    data: Mapping[float, Array]
-    sigmas: Mapping[float, Array]
-
-    @classmethod
-    def drawn(cls, clean: Array, levels: Sequence[float], seed: int) -> "NoisyData":
-        """Add noise of every level."""
-        both = {level: noisy(clean, level, seed) for level in levels}
-        return cls(
-            clean, {level: one for level, (one, _) in both.items()}, {k: sigma for k, (_, sigma) in both.items()}
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,31 +170,6 @@ class Validation:
         raise ShapeError(f"outcome: none of {estimator!r} at noise {noise}")
 
 
-def noisy(clean: Array, level: float, seed: int) -> tuple[Array, Array]:
-    """Add noise of σ = Ξ max|ℓ_i(u(t))|, a σ for each case.
-
-    Parameters
-    ----------
-    clean : (m, t, k) array
-    level : float
-        Ξ.
-    seed : int
-        Each level and case has a stream of its own, so adding one changes no other.
-
-    Returns
-    -------
-    data : (m, t, k) array
-    sigmas : (k,) array
-    """
-    sigmas = level * np.abs(clean).max(axis=(0, 1))
-    data = clean.copy()
-    if level > 0:
-        for case in range(clean.shape[2]):
-            rng = np.random.default_rng([seed, round(level * 1e9), case])
-            data[:, :, case] += sigmas[case] * rng.standard_normal(clean.shape[:2])
-    return data, sigmas
-
-
 class Judge:
     """What every estimator is judged by: the same cases, the same errors.
 
@@ -250,9 +207,9 @@ class Judge:
         noisy_data : NoisyData
         """
         jobs = []
-        for level, data in noisy_data.data.items():
+        for level in noisy_data.data:
             started = time.perf_counter()
-            estimate = prepared.estimate(data, noise_scale=noisy_data.sigmas[level])
+            estimate = prepared.estimate(noisy_data.given(level), noise_scale=noisy_data.sigmas[level])
             jobs.append((level, estimate, time.perf_counter() - started))
         tables = self._errors([estimate for _, estimate, _ in jobs])
         outcomes = [
@@ -267,7 +224,11 @@ class Judge:
         mean = np.repeat(background.mean()[:, :, None], count, axis=2)
         guess = Estimate(background, np.arange(len(background.times)), mean)
         found = self._outcome(PRIOR, 0.0, guess, 0.0, self._errors([guess])[0])
-        return Outcome(PRIOR, 0.0, found.per_step, found.space_time, found.quantities, 0.0)
+        quantities = {
+            name: replace(found.quantities[name], deviation=_spread(background, each, count))
+            for name, each in self.quantities.items()
+        }
+        return Outcome(PRIOR, 0.0, found.per_step, found.space_time, quantities, 0.0)
 
     def _errors(self, estimates: Sequence[Estimate]) -> list[dict[str, tuple[Array, Array]]]:
         """For each estimate and label, the norm of the error and what it is relative to, both (t, k)."""
@@ -289,7 +250,9 @@ class Judge:
             for case, truth in enumerate(self.truths()):
                 reference = meter.reference(truth.states)
                 for row, index in zip(rows, lifted, strict=True):
-                    row.append(meter.errors(truth.states - estimates[index].state(series=case), reference))
+                    steps = estimates[index].steps
+                    below = {label: values[steps] for label, values in reference.items()}
+                    row.append(meter.errors(truth.states[:, steps] - estimates[index].state(series=case), below))
             for row, index in zip(rows, lifted, strict=True):
                 tables[index] = {
                     label: (
@@ -303,7 +266,7 @@ class Judge:
     def _outcome(
         self, name: str, level: float, estimate: Estimate, seconds: float, table: Mapping[str, tuple[Array, Array]]
     ) -> Outcome:
-        per_step = {label: _ratio(above, below) for label, (above, below) in table.items()}
+        per_step = {label: self._at_steps(estimate, _ratio(above, below)) for label, (above, below) in table.items()}
         space_time = {
             label: _ratio(np.sqrt((above**2).sum(axis=0)), np.sqrt((below**2).sum(axis=0)))
             for label, (above, below) in table.items()
@@ -314,8 +277,31 @@ class Judge:
             deviation = np.full(found.shape, np.nan)
             if estimate.uncertainty is not None:
                 deviation = estimate.standard_deviation(quantity)
-            values[title] = QuantityOutcome(self.measured.quantities[title], found, deviation)
-        return Outcome(name, level, per_step, space_time, values, seconds, lambda: estimate)
+            values[title] = QuantityOutcome(self._truth(title, quantity, estimate), found, deviation)
+        return Outcome(
+            name, level, per_step, space_time, values, seconds, lambda: estimate, estimate.misfit, estimate.parameters
+        )
+
+    @staticmethod
+    def _at_steps(estimate: Estimate, values: Array) -> Array:
+        """Values (t, k) at all recorded steps of values at those of an estimate; NaN elsewhere."""
+        out = np.full((len(estimate.background.times), values.shape[1]), np.nan)
+        out[estimate.steps] = values
+        return out
+
+    def _truth(self, title: str, quantity: QuantityOfInterest, estimate: Estimate) -> Array:
+        """True values (s, k) of a quantity: those of the estimate's steps, where there is one for each step."""
+        truth, count = self.measured.quantities[title], len(estimate.background.times)
+        if quantity.over_time == "mean" or len(estimate.steps) == count:
+            return truth
+        return truth.reshape(-1, count, truth.shape[1])[:, estimate.steps].reshape(-1, truth.shape[1])
+
+
+def _spread(background: Background, quantity: QuantityOfInterest, count: int) -> Array:
+    """Standard deviation (s, count) of a quantity over the training set: what is known before anything is measured."""
+    on_modes, _ = weights_of(quantity, background, len(background.times))
+    values = np.einsum("str,rtk->sk", on_modes, background.coefficients, optimize=True)
+    return np.repeat(values.std(axis=1, ddof=1)[:, None], count, axis=1)
 
 
 def joint_weights(background: Background) -> dict[str, float]:

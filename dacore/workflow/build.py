@@ -7,12 +7,13 @@ from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
 from dacore import __version__
+from dacore.core.arrays import IntArray
 from dacore.core.discretization import Backend, Discretization
 from dacore.core.domain import Domain
 from dacore.core.estimator import Estimator
@@ -35,6 +36,9 @@ from dacore.plugins.registry import Registry, load
 from dacore.plugins.settings import build
 from dacore.plugins.versions import source_hash
 from dacore.studies.errors import Contrast
+
+if TYPE_CHECKING:
+    from dacore.workflow.studies.study import Study
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +133,12 @@ class Builder:
         return {name: self._make("estimator", table, f"estimator.{name}") for name, table in tables.items()}
 
     @cached_property
+    def studies(self) -> "dict[str, Study]":
+        """What is studied, by name."""
+        tables = self.scene.study
+        return {name: self._make("study", table, f"study.{name}") for name, table in tables.items()}
+
+    @cached_property
     def solver(self) -> SolverMethod:
         """What solves the time steps."""
         made: SolverMethod = self._make("solver", self.scene.solver, "solver")
@@ -154,6 +164,7 @@ class Builder:
             self.estimators,
             self.scheme,
             self.solver,
+            self.studies,
         )
 
     def model(self, mesh: Mesh | None) -> ForwardModel:
@@ -203,6 +214,25 @@ class Builder:
             ranges[name] = convert(value, unit, f"{self.where}: parameters.{name}")
         with self.blame("parameters"):
             return model.parameters.restrict(ranges)
+
+    def observed(self, steps: int) -> IntArray | None:
+        """Which of the recorded steps are measured, None for all; SceneError if there are none such."""
+        table = self.scene.observed
+        if table.phases is not None:
+            if table.phases > steps:
+                raise SceneError(
+                    f"{self.where}: observed.phases: got {table.phases}, but {steps} steps are recorded; lower it"
+                )
+            # The last of each of equal parts of the cycle.
+            return np.round((np.arange(table.phases) + 1) * steps / table.phases).astype(np.int64) - 1
+        if table.steps is None:
+            return None
+        chosen = np.unique(table.steps)
+        if chosen[-1] > steps or len(chosen) < len(table.steps):
+            raise SceneError(
+                f"{self.where}: observed.steps: got {table.steps}, expected different numbers from 1 to {steps}"
+            )
+        return chosen - 1
 
     def functionals(self, space: StateSpace) -> Functionals:
         """Everything that is measured, observation after observation."""

@@ -1,6 +1,7 @@
 """What a run leaves behind: results.json, figures, fields for ParaView, one report."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from dacore.workflow.report_parts import Card, Picture, Provenance, Report, Sect
 from dacore.workflow.results import SAME_DISCRETISATION
 from dacore.workflow.session import Session
 from dacore.workflow.stages import judges_reduction
+from dacore.workflow.studies.output import Shown, score_tables, show_studies
 from dacore.workflow.tables import (
     error_table,
     name_of,
@@ -50,6 +52,13 @@ def tables(session: Session, joint: bool = True) -> list[Table]:
     if builder.scene.training.method == "reduced":
         out.append(reduction_table(session.reduced, session.unseen_errors if judges_reduction(builder.scene) else None))
     return out
+
+
+def all_studies(session: Session) -> list[Table]:
+    """Tables of all studies side by side; none without studies."""
+    canvas = Canvas(session)
+    units = {name: canvas.quantity_unit(name) for name in session.builder.scene.quantity}
+    return score_tables(session.builder, units, show_studies(canvas), session.validation.headline)
 
 
 def write_figures(pictures: Iterable[Drawn], folder: Path, kept: Path | None = None) -> dict[str, Picture]:
@@ -112,7 +121,9 @@ def write_fields(session: Session, folder: Path) -> list[Path]:
     return files
 
 
-def make_report(session: Session, pictures: dict[str, Picture], summary: dict[str, Any], scene_text: str) -> Report:
+def make_report(
+    session: Session, pictures: dict[str, Picture], summary: dict[str, Any], scene_text: str, studies: Sequence[Shown]
+) -> Report:
     """Put results and figures together for reading."""
     builder, validation = session.builder, session.validation
     facts = {
@@ -160,6 +171,8 @@ def make_report(session: Session, pictures: dict[str, Picture], summary: dict[st
         Section("Errors over the cycle", "", take(*(f"errors_{t}" for t in tags))),
         Section("Numbers of interest", "", take(*(f"quantity_{name}" for name in builder.scene.quantity))),
         Section("Background spaces", "", take("singular_values", "inf_sup", "bound", "modes")),
+        *(each.section(pictures) for each in studies),
+        Section("All studies", "", all_studies(session) if studies else []),
     ]
     scene = builder.scene
     return Report(
@@ -204,10 +217,13 @@ def _mean(outcome: Outcome, label: str) -> float:
 
 def publish(session: Session, out: Path, summary: dict[str, Any], scene_text: str) -> list[Path]:
     """Write figures, fields and the report; returns the files a reader opens first."""
-    pictures = write_figures(draw_all(Canvas(session)), out / "figures", session.runner.cache / "figures")
+    canvas = Canvas(session)
+    studies = show_studies(canvas)
+    drawn = chain(draw_all(canvas), *(each.drawn for each in studies))
+    pictures = write_figures(drawn, out / "figures", session.runner.cache / "figures")
     fields = []
     if session.scene.report.states and "cells" in session.model.space.capabilities:
         fields = write_fields(session, out / "fields")
     report = out / "report.html"
-    write_report(report, make_report(session, pictures, summary, scene_text))
+    write_report(report, make_report(session, pictures, summary, scene_text, studies))
     return [report, *fields]

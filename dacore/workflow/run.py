@@ -12,10 +12,14 @@ from dacore.pipeline.runner import PlannedStage
 from dacore.workflow.board import ProgressBoard
 from dacore.workflow.laws import REPORT, report
 from dacore.workflow.machine import usable_cores
+from dacore.workflow.open import open_scene
 from dacore.workflow.report_parts import Table
 from dacore.workflow.results import summarise, write_json
-from dacore.workflow.session import Session, open_scene
+from dacore.workflow.session import Session
 from dacore.workflow.stages import targets
+from dacore.workflow.studies.output import study_numbers
+from dacore.workflow.studies.parallel import Job, run_studies
+from dacore.workflow.studies.stage import STUDY
 
 
 @dataclass(frozen=True)
@@ -67,10 +71,11 @@ def run_scene(
     """
     started = time.perf_counter()
     # Drawing needs matplotlib; a plan does not.
-    from dacore.workflow.output import publish, tables
+    from dacore.workflow.output import all_studies, publish, tables
 
     board = board or ProgressBoard()
-    session = open_scene(path, changes, cache or out / "cache", workers or usable_cores(), board, scheduler, fresh)
+    workers = workers or usable_cores()
+    session = open_scene(path, changes, cache or out / "cache", workers, board, scheduler, fresh)
     if scheduler is not None:
         from dacore.execution.cluster import connected
 
@@ -81,9 +86,14 @@ def run_scene(
     # The dense work is many small factorisations: a second BLAS thread gains little on an idle machine and
     # costs ten times and more on a busy one. The cores go to the worker processes.
     with one_blas_thread():
-        for target in targets(session.builder):
+        wanted = targets(session.builder)
+        for target in [each for each in wanted if not each.startswith(STUDY)]:
+            session.runner[target]
+        run_studies(session, Job(path, tuple(changes), session.runner.cache), workers, board)
+        for target in wanted:
             session.runner[target]
         summary = summarise(session, time.perf_counter() - started, expected)
+        summary["studies"] = study_numbers(session)
         results = out / "results.json"
         write_json(summary, results)
         text = path.read_text(encoding="utf-8") + "".join(f"\n# --set {change}" for change in changes)
@@ -94,7 +104,8 @@ def run_scene(
         law = report(session.runner.known_sizes(), session.scene.report.states)
         record = Record(REPORT, time.perf_counter() - drawing, processor_time() - used, law.seconds, {})
         session.runner.ledger.keep("latest", record)
-    return Finished(tuple(tables(session, joint=False)), (*files, results), time.perf_counter() - started)
+    shown = (*tables(session, joint=False), *all_studies(session))
+    return Finished(shown, (*files, results), time.perf_counter() - started)
 
 
 def plan_scene(

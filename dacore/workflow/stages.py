@@ -2,13 +2,10 @@
 
 import logging
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 from dacore import __version__
-from dacore.algebra.compress import compress
-from dacore.core.arrays import Array
 from dacore.core.domain import Domain
 from dacore.core.estimator import Estimate, PreparedEstimator
 from dacore.core.mesh import Mesh
@@ -16,18 +13,12 @@ from dacore.core.model import ForwardModel
 from dacore.core.noise import WhiteNoise
 from dacore.core.observation import Functionals
 from dacore.dynamics.march import MarchedModel
-from dacore.dynamics.training import draw, solve_all
 from dacore.errors import SceneError
-from dacore.io.background import read_background, write_background
 from dacore.io.functionals import read_functionals, write_functionals
 from dacore.io.mesh_cache import read_mesh_cache, write_mesh_cache
-from dacore.io.scene import PluginTable, Scene
-from dacore.io.snapshots import TrajectoryStore
+from dacore.io.scene import Observed, PluginTable, Scene
 from dacore.pipeline.stage import Codec, Pipeline, Results, Stage
 from dacore.plugins.versions import source_hash
-from dacore.reduction.greedy import Settings as ReductionSettings
-from dacore.reduction.kept import read_reduced, write_reduced
-from dacore.reduction.training import Reduced, Solve, train_reduced
 from dacore.studies.errors import Contrast, ErrorMeter, ProjectedErrors
 from dacore.studies.kept import (
     read_judged,
@@ -39,15 +30,16 @@ from dacore.studies.kept import (
     write_reference,
     write_refinement,
 )  # fmt: skip
+from dacore.studies.noisy import NoisyData
 from dacore.studies.reduction import unseen_errors
 from dacore.studies.reference import measure, project
 from dacore.studies.refinement import time_refinement
-from dacore.studies.validation import PRODUCT, Judge, Judged, NoisyData, Validation, gather, joint_weights
+from dacore.studies.validation import PRODUCT, Judge, Judged, Validation, gather, joint_weights
 from dacore.workflow.board import ProgressBoard
 from dacore.workflow.build import Builder
 from dacore.workflow.laws import priced
-from dacore.workflow.motions import solved_or_kept
-from dacore.workflow.trajectories import TrajectorySet, read_note, write_note
+from dacore.workflow.studies.stage import STUDY, Means, study_stages
+from dacore.workflow.trained import training_stages
 
 _log = logging.getLogger(__name__)
 
@@ -74,61 +66,7 @@ def scene_pipeline(
     scene, show = builder.scene, board or ProgressBoard()
     ranges = {name: table.model_dump() for name, table in scene.parameters.items()}
     reduced = scene.training.method == "reduced"
-
-    def solve(results: Results, samples: Array, store: TrajectoryStore, title: str) -> int:
-        return solve_all(results["model"], results["parameters"], samples, store, workers, show.meter(title), scheduler)
-
-    def trajectories(results: Results, folder: Path, samples: Array, title: str) -> TrajectorySet:
-        store = TrajectoryStore(folder, folder.name)
-        solved = solve(results, samples, store, title)
-        return TrajectorySet(store, samples, solved, lambda: solve(results, samples, store, title))
-
-    def drawn(results: Results) -> Array:
-        settings = scene.training
-        return draw(results["parameters"], settings.samples, settings.sampling, settings.seed)
-
-    def make_training(results: Results, folder: Path) -> TrajectorySet:
-        return trajectories(results, folder, drawn(results), "training")
-
-    def make_truth(results: Results, folder: Path) -> TrajectorySet:
-        samples = draw(results["parameters"], scene.validation.cases, "uniform", scene.validation.seed)
-        return trajectories(results, folder, samples, "unseen cases")
-
-    def noted(title: str) -> Codec:
-        """Keeps no trajectory, which the store does, but that all are there: they are not read to find out."""
-
-        def load(path: Path, results: Results) -> TrajectorySet:
-            return read_note(path, path.with_suffix(""), lambda samples, store: solve(results, samples, store, title))
-
-        return Codec(".json", write_note, load)
-
-    def make_motions(results: Results, folder: Path) -> Callable[[], AbstractContextManager[Solve]]:
-        samples, store = drawn(results), TrajectoryStore(folder, folder.name)
-        return lambda: solved_or_kept(results["parameters"], samples, store, workers, scheduler)
-
-    def make_reduced(results: Results, _: Path) -> Reduced:
-        settings, report = scene.training, show.meter("training")
-
-        def tell(done: int, _: float) -> None:
-            if report:
-                report(done, settings.most)
-
-        with builder.blame("training"), results["motions"]() as solve_motions:
-            return train_reduced(
-                results["model"], results["parameters"], drawn(results), solve_motions,
-                ReductionSettings(settings.reduction, settings.most, settings.seed, settings.product),
-                settings.tolerance, tell,
-            )  # fmt: skip
-
-    def make_background(results: Results, _: Path) -> Any:
-        if reduced:
-            return results["training"].background
-        training: TrajectorySet = results["training"]
-        settings = scene.training
-        return compress(
-            results["model"].space, training, results["parameters"], training.samples, settings.tolerance,
-            settings.product, workers, show.meter("background"), settings.memory,
-        )  # fmt: skip
+    trained, truth = training_stages(builder, workers, show, scheduler)
 
     def load_functionals(path: Path, results: Results) -> Functionals:
         kept = read_functionals(path)
@@ -140,7 +78,9 @@ def scene_pipeline(
             estimator = builder.estimators[name]
             background, functionals = results["background"], results["functionals"]
             with builder.blame(f"estimator.{name}"):
-                return estimator.prepare(background, functionals, WhiteNoise(1.0))
+                return estimator.prepare(
+                    background, functionals, WhiteNoise(1.0), builder.observed(len(background.times))
+                )
 
         return prepare
 
@@ -188,7 +128,7 @@ def scene_pipeline(
             def again(level: float) -> Estimate:
                 data: NoisyData = results["noisy"]
                 prepared: PreparedEstimator = results[f"prepared.{name}"]
-                return prepared.estimate(data.data[level], noise_scale=data.sigmas[level])
+                return prepared.estimate(data.given(level), noise_scale=data.sigmas[level])
 
             return read_judged(path, again)
 
@@ -213,7 +153,13 @@ def scene_pipeline(
         with builder.blame("domain"):
             return domain.mesh()
 
+    def make_noisy(results: Results, _: Path) -> NoisyData:
+        data = results["measured"].data
+        return NoisyData.drawn(data, scene.noise.levels, scene.noise.seed, builder.observed(data.shape[1]))
+
+    means = Means(lambda other: scene_pipeline(other, workers, show, scheduler), workers, show, scheduler)
     judging = source_hash("dacore", JUDGING)
+    observed = {"observed": scene.observed.model_dump()} if scene.observed != Observed() else {}
     asked = [each.model_dump() for each in scene.validation.contrasts] if scene.report.states else []
     small = [
         Stage(
@@ -269,54 +215,15 @@ def scene_pipeline(
         Stage(
             "checks", ("model", "parameters", "functionals"), {}, make_checks, purpose="the scene fits together",
         ),
-        *(
-            (
-                Stage(
-                    "motions", ("model", "parameters"),
-                    scene.training.model_dump(include={"samples", "sampling", "seed"}), make_motions,
-                    purpose="trajectories load by load, where they are needed",
-                ),
-                Stage(
-                    "training", ("model", "parameters", "motions"),
-                    {**scene.training.model_dump(exclude={"memory"}), "source": source_hash("dacore", ("reduction",))},
-                    make_reduced,
-                    Codec(
-                        ".h5", write_reduced,
-                        lambda path, results: read_reduced(path, results["model"], results["parameters"]),
-                        ("model", "parameters"),
-                    ), "a reduced model and its trajectories",
-                ),
-                Stage("background", ("training",), {}, make_background, purpose="compressed training set"),
-            )
-            if reduced
-            else (
-                Stage(
-                    "training", ("model", "parameters"),
-                    scene.training.model_dump(include={"samples", "sampling", "seed"}), make_training,
-                    noted("training"), "trajectories",
-                ),
-                Stage(
-                    "background", ("training",), scene.training.model_dump(include={"tolerance", "product", "memory"}),
-                    make_background,
-                    Codec(
-                        ".h5", write_background,
-                        lambda path, results: read_background(path, results["model"].space, results["parameters"]),
-                        ("model", "parameters"),
-                    ), "compressed training set",
-                ),
-            )
-        ),
+        *trained,
         *(
             Stage(
-                f"prepared.{name}", ("background", "functionals"), _plugin(builder, "estimator", table),
+                f"prepared.{name}", ("background", "functionals"), _plugin(builder, "estimator", table) | observed,
                 make_prepared(name), purpose=table.title or table.kind,
             )
             for name, table in scene.estimator.items()
         ),
-        Stage(
-            "truth", ("model", "parameters"), scene.validation.model_dump(include={"cases", "seed"}), make_truth,
-            noted("unseen cases"), "unseen cases",
-        ),
+        truth,
         Stage(
             "measured", ("functionals", "truth"),
             {"source": judging, "quantities": {n: _plugin(builder, "quantity", t) for n, t in scene.quantity.items()}},
@@ -327,8 +234,7 @@ def scene_pipeline(
         ),
         *small,
         Stage(
-            "noisy", ("measured",), scene.noise.model_dump(),
-            lambda results, _folder: NoisyData.drawn(results["measured"].data, scene.noise.levels, scene.noise.seed),
+            "noisy", ("measured",), scene.noise.model_dump() | observed, make_noisy,
             purpose="data with noise",
         ),
         *(
@@ -364,6 +270,7 @@ def scene_pipeline(
             make_refinement, Codec(".h5", write_refinement, lambda path, _results: read_refinement(path)),
             "discretisation error in time",
         ),
+        *study_stages(builder, means),
     ]  # fmt: skip
     return Pipeline(priced(stages, scene))
 
@@ -375,6 +282,7 @@ def targets(builder: Builder) -> list[str]:
         "checks", "validation", *(["refinement"] if scene.validation.refine_time > 1 else []),
         *(["reduction"] if judges_reduction(scene) else []),
         *(["truth", *(f"prepared.{name}" for name in scene.estimator)] if scene.report.states else []),
+        *(f"{STUDY}{name}" for name in scene.study),
     ]  # fmt: skip
 
 

@@ -63,7 +63,7 @@ def error_table(
     best = np.argmin(numbers[1:], axis=0) + 1
     rows = []
     for index, outcome in enumerate((prior, *outcomes)):
-        tones = [_tone(index, int(best[k]), numbers[index, k], numbers[0, k]) for k in range(numbers.shape[1])]
+        tones = [tone_of(index, int(best[k]), numbers[index, k], numbers[0, k]) for k in range(numbers.shape[1])]
         cells = [Cell(text, tone) for text, tone in zip(_texts(outcome, labels), tones, strict=True)]
         rows.append([Cell(name_of(builder, outcome.estimator), "muted" if index == 0 else ""), *cells])
     return Table(
@@ -100,7 +100,8 @@ def _texts(outcome: Outcome, labels: Sequence[str]) -> list[str]:
     return texts + [f"{number_text(q.rms)} ({number_text(q.worst)})" for q in outcome.quantities.values()]
 
 
-def _tone(index: int, best: int, value: float, guess: float) -> Tone:
+def tone_of(index: int, best: int, value: float, guess: float) -> Tone:
+    """Say whether a number is the guess's (index 0), worse than that, or the best of its column."""
     if index == 0:
         return "muted"
     if value > guess:

@@ -20,7 +20,8 @@ from dacore.dynamics.newmark import Newmark
 from dacore.errors import DacoreError, PluginError
 from dacore.workflow.board import ProgressBoard
 from dacore.workflow.build import Builder
-from dacore.workflow.session import Session, open_scene
+from dacore.workflow.open import open_scene
+from dacore.workflow.session import Session
 from dacore.workflow.stress.case import Inapplicable, Refusal
 from dacore.workflow.stress.stepping import Plain
 

@@ -1,0 +1,94 @@
+"""The same truths estimated from other data or with other settings: how much, how fine, how many phases."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from dacore.errors import ShapeError
+from dacore.io.scene import Scene
+from dacore.workflow.canvas import Canvas
+from dacore.workflow.studies.bench import Bench
+from dacore.workflow.studies.grid import Grid
+from dacore.workflow.studies.study import Exhibit, Findings, Study, Variant
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One variant of the scene.
+
+    Parameters
+    ----------
+    label : str
+    set : mapping of str to object
+        Dotted keys of the scene and their values.
+    """
+
+    label: str
+    set: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Variants(Study):
+    """Settings of the study.
+
+    Parameters
+    ----------
+    settings : tuple of Setting
+    base : str
+        What the scene itself is called; empty to leave it out.
+    estimators : tuple of str
+        All of the scene by default.
+    about : str
+        What is varied and why, for the report.
+    """
+
+    heading = "Variants of the scene"
+
+    settings: tuple[Setting, ...]
+    base: str = "this scene"
+    estimators: tuple[str, ...] = ()
+    about: str = ""
+
+    def __post_init__(self) -> None:
+        labels = [*([self.base] if self.base else []), *(each.label for each in self.settings)]
+        if not self.settings or len(set(labels)) < len(labels):
+            raise ShapeError(f"settings: got the labels {', '.join(labels)}; expected at least one and each once")
+
+    def variants(self, scene: Scene) -> Mapping[str, Variant]:
+        """The scene with each setting, and with the chosen estimators only."""
+        chosen = chosen_estimators(scene, self.estimators)
+        kept = {name: scene.estimator[name].model_dump(exclude_unset=True) for name in chosen}
+        # Changes come last: they may be of an estimator.
+        return {each.label: Variant({"estimator": kept, **each.set}) for each in self.settings}
+
+    def run(self, bench: Bench) -> Findings:
+        """Validate every variant."""
+        scene = bench.session.scene
+        chosen = chosen_estimators(scene, self.estimators)
+        found, counts = {}, []
+        if self.base:
+            found[self.base] = bench.session.validation
+            counts.append(bench.session.functionals.count)
+        for done, each in enumerate(self.settings):
+            session = bench.variant(each.label)
+            found[each.label] = session.validation
+            counts.append(session.functionals.count)
+            bench.tell(done + 1, len(self.settings))
+        return Grid.of(found, chosen, scene.noise.levels).findings(measurements=counts)
+
+    def show(self, found: Findings, canvas: Canvas) -> Exhibit:
+        """Tables and bars of errors, setting by setting."""
+        grid = Grid.kept(found)
+        counts = found.facts["measurements"]
+        named = replace(
+            grid, settings=tuple(f"{name} (m = {m:,})" for name, m in zip(grid.settings, counts, strict=True))
+        )
+        return Exhibit(self.about, named.tables(canvas), grid.scores())
+
+
+def chosen_estimators(scene: Scene, names: Sequence[str]) -> tuple[str, ...]:
+    """Return the estimators of a study, all of the scene for none; ShapeError names one that it does not have."""
+    for name in names:
+        if name not in scene.estimator:
+            raise ShapeError(f"estimators: got {name!r}, expected some of {', '.join(scene.estimator)}")
+    return tuple(names) or tuple(scene.estimator)
