@@ -8,45 +8,21 @@ counted. Projection takes what is nearest in the source's own norm; what is left
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 from scipy.sparse import block_diag, csr_array, eye_array
 
 from dacore.algebra.linear_solver import prepared, product
 from dacore.algebra.solvers import Auto
-from dacore.core.arrays import Array, IntArray, Sparse
-from dacore.core.simplex import barycentric_gradients, lagrange, local_edges
+from dacore.core.arrays import Array, Sparse
 from dacore.core.solver import LinearSolver
-from dacore.core.space import CellGeometry, Product, StateSpace
+from dacore.core.space import Product, StateSpace
 from dacore.errors import CapabilityError, ConvergenceError, ShapeError
-from dacore.geometry.locate import PointLocator
-from dacore.geometry.nearest import NearestPoint
 from dacore.studies.errors import ErrorMeter
+from dacore.studies.places import FieldTransfer, Finder, Outside, cells_of, node_places
 
-Outside = Literal["nearest", "extend", "error"]
-# Barycentric coordinates below this are rounding: a point on a facet is on it.
-_DUST = 1e-13
 _TOLERANCE = 1e-12
-
-
-@dataclass(frozen=True, eq=False)
-class FieldTransfer:
-    """One component of one field.
-
-    Parameters
-    ----------
-    matrix : (n_target, n_source) csr_array
-        Between the nodes of the two spaces.
-    outside : int
-        Number of the target's nodes that are outside the source's domain.
-    distance : float [cm]
-        How far the farthest of them is away; 0 if there are none.
-    """
-
-    matrix: Sparse
-    outside: int
-    distance: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,33 +73,51 @@ class Transfer:
 class Projection:
     """The state of a coarser space that is nearest to a given one, in the finer space's own norm.
 
-    With E the values of the target's functions at the source's nodes and M the source's inner product, it is
-    the solution of ``EᵀM E c = EᵀM y``, field by field and component by component.
+    With E the values of the target's functions at the source's nodes, J those of the source's at the target's, M and N
+    the inner products of the two, it is, field by field and component by component, the c that minimises::
+
+        ‖E c − y‖²_M + hold ‖c − J y‖²_N
+
+    Where the domains are not the same, a function of the target may have no node of the source in its support, or
+    hardly one, and could take any value; the second term holds it near what interpolation gives. What the first
+    term loses by it is of order hold².
 
     Parameters
     ----------
     source, target : StateSpace
-        The source's mesh must resolve every function of the target.
+        The source's mesh must resolve the functions of the target.
     kind : {"l2", "h1"}
     outside : {"nearest", "extend", "error"}
-        What the target's functions are where the source's domain reaches beyond its own.
+        What a function is where the other domain reaches beyond its own.
+    hold : float
+        Not negative; 0 for the projection alone.
 
     Attributes
     ----------
     basis : Transfer
         E: from the target back to the source.
+    nodal : Transfer
+        J: from the source to the target.
 
     Raises
     ------
     ShapeError
-        As `interpolation`.
+        As `interpolation`, or if `hold` is negative.
     """
 
     def __init__(
-        self, source: StateSpace, target: StateSpace, kind: Product = "l2", outside: Outside = "nearest"
+        self,
+        source: StateSpace,
+        target: StateSpace,
+        kind: Product = "l2",
+        outside: Outside = "nearest",
+        hold: float = 1e-3,
     ) -> None:
-        self.source, self.target, self.kind = source, target, kind
+        if not 0 <= hold < np.inf:
+            raise ShapeError(f"hold: got {hold}, expected 0 or a positive number")
+        self.source, self.target, self.kind, self.hold = source, target, kind, float(hold)
         self.basis = interpolation(target, source, outside)
+        self.nodal = interpolation(source, target, outside)
 
     def __call__(self, states: Array) -> Array:
         """States (n,) or (n, t) of the source as states of the target.
@@ -131,21 +125,26 @@ class Projection:
         Raises
         ------
         ShapeError
-            If they are not states of the source, or the source is too coarse.
+            If they are not states of the source, or nothing holds what the source does not determine.
         """
         return _by_component(self.source, self.target, states, self._nearest)
 
     def _nearest(self, field: str, part: Array) -> Array:
         right = self.basis.matrix_of(field).T @ product(self.source.scalar_product(field, self.kind), part)
+        if self.hold:
+            nodal = product(self.nodal.matrix_of(field), part)
+            right = right + self.hold * product(self.target.scalar_product(field, self.kind), nodal)
         return self._solvers[field].solve(right)
 
     @cached_property
     def _solvers(self) -> dict[str, LinearSolver]:
-        """What solves EᵀM E of each field."""
+        """What solves EᵀM E + hold N of each field."""
         out = {}
         for field in self.source.fields:
             basis = self.basis.matrix_of(field.name)
             normal = csr_array(basis.T @ (self.source.scalar_product(field.name, self.kind) @ basis))
+            if self.hold:
+                normal = csr_array(normal + self.hold * self.target.scalar_product(field.name, self.kind))
             unseen = int((normal.diagonal() <= 0.0).sum())
             try:
                 if unseen:
@@ -154,8 +153,7 @@ class Projection:
             except ConvergenceError as error:
                 raise ShapeError(
                     f"projection of {field.name}: the source's {basis.shape[0]} nodes do not tell the target's "
-                    f"{basis.shape[1]} functions apart ({error}); expected a source finer than the target, "
-                    "or use interpolation"
+                    f"{basis.shape[1]} functions apart ({error}); expected a finer source, or hold above 0"
                 ) from error
         return out
 
@@ -190,14 +188,14 @@ def interpolation(source: StateSpace, target: StateSpace, outside: Outside = "ne
     if outside not in get_args(Outside):
         raise ShapeError(f"outside: got {outside!r}, expected 'nearest', 'extend' or 'error'")
     _check_fields(source, target)
-    geometry = _cells(target, "target")
+    geometry = cells_of(target, "target")
     cells = source.cells() if "cells" in source.capabilities else None
     if cells is not None and cells.points.shape[1] != geometry.points.shape[1]:
         raise ShapeError(
             f"transfer: got a source of {cells.points.shape[1]} dimensions and a target of "
             f"{geometry.points.shape[1]}, expected the same"
         )
-    finder = None if cells is None else _Finder(cells, outside)
+    finder = None if cells is None else Finder(cells, outside)
     fields = {}
     for field in target.fields:
         x = node_places(target, field.name)
@@ -233,79 +231,6 @@ def unattainable(there: Transfer | Projection, back: Transfer, states: Array, me
     return {label: float(np.sqrt((left**2).sum() / (whole**2).sum())) for label, (left, whole) in pairs.items()}
 
 
-def node_places(space: StateSpace, field: str) -> Array:
-    """Places (n_nodes, d) [cm] of a field's nodes; CapabilityError if the space cannot tell."""
-    geometry = _cells(space, "space")
-    nodes, order = geometry.nodes[field], geometry.orders[field]
-    corners = geometry.points[geometry.cells]
-    places = [corners]
-    if order == 2:
-        places.append(corners[:, np.array(local_edges(corners.shape[2]))].mean(axis=2))
-    out = np.full((space.layout.nodes[field], corners.shape[2]), np.nan)
-    out[nodes] = np.concatenate(places, axis=1)
-    if np.isnan(out).any():
-        lost = int(np.isnan(out).any(axis=1).sum())
-        raise CapabilityError(f"transfer: {lost} nodes of {field} are in no cell, so that nobody knows where they are")
-    return out
-
-
-class _Finder:
-    """Where points are in a source, found once for each set of them."""
-
-    def __init__(self, geometry: CellGeometry, outside: Outside) -> None:
-        self._geometry, self._outside = geometry, outside
-        self._known: list[tuple[Array, tuple[IntArray, Array, Array]]] = []
-
-    def transfer(self, field: str, x: Array, n_source: int) -> FieldTransfer:
-        """Operator from a field's nodes to points x (p, d)."""
-        cell, barycentric, distance = self._place(field, x)
-        nodes = self._geometry.nodes[field][cell]
-        values = lagrange(self._geometry.orders[field], barycentric).copy()  # of order 1 they are the coordinates
-        start = np.arange(len(x) + 1) * nodes.shape[1]
-        matrix = csr_array((values.ravel(), nodes.ravel(), start), shape=(len(x), n_source))
-        matrix.eliminate_zeros()
-        matrix.sort_indices()
-        return FieldTransfer(matrix, int(np.isfinite(distance).sum()), float(np.nanmax(distance, initial=0.0)))
-
-    def _place(self, field: str, x: Array) -> tuple[IntArray, Array, Array]:
-        """Cell, coordinates in it and distance (NaN inside) of each point."""
-        for known, found in self._known:
-            if known.shape == x.shape and np.array_equal(known, x):
-                return found
-        cell, barycentric = self._locator.locate(x, outside="mark")
-        distance, missing = np.full(len(x), np.nan), np.flatnonzero(cell < 0)
-        if missing.size:
-            cell[missing], barycentric[missing], distance[missing] = self._nearest.find(x[missing])
-            if self._outside == "error":
-                worst = missing[distance[missing].argmax()]
-                place = ", ".join(f"{value:.4g}" for value in x[worst])
-                raise ShapeError(
-                    f"transfer of {field}: {len(missing)} of {len(x)} nodes are outside the source's domain, the "
-                    f"farthest at ({place}), {distance[worst]:.2g} cm away; expected none: take outside = 'nearest'"
-                )
-            if self._outside == "extend":
-                barycentric[missing] = self._continued(x[missing], cell[missing])
-        barycentric[np.abs(barycentric) < _DUST] = 0.0
-        barycentric /= barycentric.sum(axis=1, keepdims=True)
-        self._known.append((x, (cell, barycentric, distance)))
-        return cell, barycentric, distance
-
-    def _continued(self, x: Array, cell: IntArray) -> Array:
-        """Barycentric coordinates (p, d + 1) of points in cells that do not hold them."""
-        corners = self._geometry.cells[cell]
-        gradients, _ = barycentric_gradients(self._geometry.points, corners)
-        rest = np.einsum("pid,pd->pi", gradients[:, 1:], x - self._geometry.points[corners[:, 0]])
-        return np.concatenate([1.0 - rest.sum(axis=1, keepdims=True), rest], axis=1)
-
-    @cached_property
-    def _locator(self) -> PointLocator:
-        return PointLocator(self._geometry.points, self._geometry.cells)
-
-    @cached_property
-    def _nearest(self) -> NearestPoint:
-        return NearestPoint(self._geometry.points, self._geometry.cells)
-
-
 def _by_component(source: StateSpace, target: StateSpace, states: Array, move: Callable[[str, Array], Array]) -> Array:
     """States (n, ...) of the target, each component of each field moved by a function of its name and values (k, t)."""
     given = np.asarray(states, dtype=np.float64)
@@ -325,15 +250,6 @@ def _check_fields(source: StateSpace, target: StateSpace) -> None:
     if one != other:
         texts = [", ".join(f"{name} ({n}) [{unit}]" for name, n, unit in fields) for fields in (one, other)]
         raise ShapeError(f"transfer: got fields {texts[0]} and {texts[1]}, expected the same of both spaces")
-
-
-def _cells(space: StateSpace, role: str) -> CellGeometry:
-    if "cells" not in space.capabilities:
-        raise CapabilityError(
-            f"transfer: the {role}, {type(space).__name__}, has no cells, so that nobody knows where its nodes are; "
-            "expected a space of finite elements"
-        )
-    return space.cells()
 
 
 def _same_nodes(source: StateSpace, target: StateSpace, field: str, x: Array) -> bool:

@@ -9,7 +9,8 @@ from dacore.core.space import StateSpace
 from dacore.domains.ball import Ball
 from dacore.errors import CapabilityError, ShapeError
 from dacore.studies.errors import Contrast, ErrorMeter
-from dacore.studies.transfer import Projection, interpolation, node_places, unattainable
+from dacore.studies.places import node_places
+from dacore.studies.transfer import Projection, interpolation, unattainable
 from dacore.testing.meshes import shuffled_box, with_points
 from dacore.testing.spaces import Chain
 from dacore_skfem.backend import SkfemBackend
@@ -138,7 +139,7 @@ def test_the_operator_is_the_matrix_of_its_action():
 @pytest.mark.parametrize("dim", [2, 3])
 def test_projection_is_orthogonal_and_the_best_of_the_target(dim, kind):
     fine, coarse = box(dim, 6, 1, bumpy=True), box(dim, 3, 2, bumpy=True)
-    down = Projection(fine, coarse, kind)
+    down = Projection(fine, coarse, kind, hold=0.0)
     rng = np.random.default_rng(0)
     states = rng.normal(size=(fine.n_dofs, 2))
     left = states - down.basis(down(states))
@@ -152,7 +153,10 @@ def test_projection_is_orthogonal_and_the_best_of_the_target(dim, kind):
 
 def test_what_no_coarse_state_can_have_is_measured():
     fine, coarse = box(3, 6, 1), box(3, 3, 2)
-    down, meter = Projection(fine, coarse), ErrorMeter(fine, "l2", [Contrast("p less 1", "p", 1.0)], {"u": 1, "p": 1})
+    down, meter = (
+        Projection(fine, coarse, hold=0.0),
+        ErrorMeter(fine, "l2", [Contrast("p less 1", "p", 1.0)], {"u": 1, "p": 1}),
+    )
     rng = np.random.default_rng(0)
     states = down.basis(rng.normal(size=(coarse.n_dofs, 3)))
     assert max(unattainable(down, down.basis, states, meter).values()) < 1e-10
@@ -161,6 +165,22 @@ def test_what_no_coarse_state_can_have_is_measured():
     by_nodes = unattainable(interpolation(fine, coarse), down.basis, rough, meter)
     assert set(by_projection) == {"u", "p", "p less 1", "joint"}
     assert all(0.1 < by_projection[name] < by_nodes[name] for name in by_projection)
+    held = unattainable(Projection(fine, coarse), down.basis, rough, meter)
+    assert held == pytest.approx(by_projection, rel=1e-5)
+
+
+def test_functions_that_no_node_of_the_source_is_in_are_held_at_their_interpolation():
+    """The target reaches beyond the source: its outer functions could take any value."""
+    wide = shuffled_box(2, 8, 2)
+    fine, wider = box(2, 9, 1), space(with_points(wide, 1.6 * wide.points - 0.3))
+    states = polynomial(fine, 1, 0)[:, None] + np.sin(40 * np.arange(fine.n_dofs))[:, None]
+    with pytest.raises(ShapeError, match=r"do not tell the target's .* apart \(.*\); expected a finer source, or hold"):
+        Projection(fine, wider, hold=0.0)(states)
+    held = Projection(fine, wider)
+    free = np.flatnonzero(abs(held.basis.matrix).sum(axis=0) == 0)
+    assert free.size
+    assert np.abs(held(states)).max() < 3 * np.abs(states).max()
+    np.testing.assert_allclose(held(np.full(fine.n_dofs, 3.0)), 3.0, rtol=1e-9)
 
 
 def test_interpolation_converges_as_the_elements_promise():
@@ -225,6 +245,8 @@ def test_what_cannot_be_is_said_in_a_line():
         interpolation(one, one)(np.zeros(5))
     coarse, fine = box(2, 2, 1), box(2, 8, 2)
     with pytest.raises(ShapeError, match=r"projection of u: the source's .* do not tell the target's .* apart"):
-        Projection(coarse, fine)(np.zeros(coarse.n_dofs))
+        Projection(coarse, fine, hold=0.0)(np.zeros(coarse.n_dofs))
+    with pytest.raises(ShapeError, match="hold: got -1"):
+        Projection(coarse, fine, hold=-1.0)
     with pytest.raises(CapabilityError, match="the target, Chain, has no cells"):
         interpolation(Chain(3), Chain(4))
