@@ -45,4 +45,9 @@ def dacore_studies() -> list[PluginSpec]:
             "dacore.workflow.studies.variants:Variants",
             summary="the same truths from other data or with other settings",
         ),
+        PluginSpec(
+            "mismatch",
+            "dacore.workflow.studies.mismatch:Mismatch",
+            summary="truths of another model than the estimators'",
+        ),
     ]

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dacore.core.arrays import Array
+from dacore.core.arrays import Array, BoolArray
 from dacore.core.background import Background
 from dacore.core.estimator import BackgroundSpace, Estimate, ParameterEstimate, PreparedEstimator, weights_of
 from dacore.core.misfit import Misfit
@@ -196,7 +196,9 @@ class Judge:
         self.measured, self.quantities = measured, quantities
         self.meter, self.projected, self.truths = meter, projected, truths
 
-    def judge(self, name: str, prepared: PreparedEstimator, noisy_data: NoisyData) -> Judged:
+    def judge(
+        self, name: str, prepared: PreparedEstimator, noisy_data: NoisyData, mask: BoolArray | None = None
+    ) -> Judged:
         """Estimate every case at every noise level, and measure the errors.
 
         Parameters
@@ -205,11 +207,13 @@ class Judge:
         prepared : PreparedEstimator
             Prepared with noise of unit standard deviation.
         noisy_data : NoisyData
+        mask : (m,) bool array, optional
+            Which functionals were measured.
         """
         jobs = []
         for level in noisy_data.data:
             started = time.perf_counter()
-            estimate = prepared.estimate(noisy_data.given(level), noise_scale=noisy_data.sigmas[level])
+            estimate = prepared.estimate(noisy_data.given(level), noisy_data.sigmas[level], mask)
             jobs.append((level, estimate, time.perf_counter() - started))
         tables = self._errors([estimate for _, estimate, _ in jobs])
         outcomes = [

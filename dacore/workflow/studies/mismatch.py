@@ -1,0 +1,175 @@
+"""Truths of another model than the estimator's: wrong conditions, other material, a finer mesh or step."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from dacore.core.arrays import BoolArray, IntArray
+from dacore.core.model import Trajectory
+from dacore.core.observation import Functionals
+from dacore.errors import ShapeError
+from dacore.io.scene import Scene
+from dacore.studies.errors import ErrorMeter, ProjectedErrors
+from dacore.studies.noisy import NoisyData
+from dacore.studies.reference import Measured, project
+from dacore.studies.transfer import interpolation, unattainable
+from dacore.studies.validation import PRODUCT, Judge, Validation, gather, joint_weights
+from dacore.workflow.canvas import Canvas
+from dacore.workflow.session import Session
+from dacore.workflow.studies.bench import Bench
+from dacore.workflow.studies.grid import Grid
+from dacore.workflow.studies.study import Exhibit, Findings, Study, Variant
+from dacore.workflow.studies.variants import chosen_estimators
+
+_NEEDS = ("truth", "measured", "functionals")
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A model that the estimators do not know of.
+
+    Parameters
+    ----------
+    label : str
+    set : mapping of str to object
+        Dotted keys of the scene and their values.
+    series : str
+        Truths of one series differ in one size only and make a curve.
+    size : float, optional
+        Of what is wrong, in the unit of the measured values: shown relative to the largest of them.
+    """
+
+    label: str
+    set: Mapping[str, Any]
+    series: str = ""
+    size: float | None = None
+
+
+@dataclass(frozen=True)
+class Mismatch(Study):
+    """Settings of the study.
+
+    Parameters
+    ----------
+    truths : tuple of Truth
+    estimators : tuple of str
+        All of the scene by default.
+    """
+
+    heading = "Model mismatch"
+
+    truths: tuple[Truth, ...]
+    estimators: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        labels = [each.label for each in self.truths]
+        if not labels or len(set(labels)) < len(labels):
+            raise ShapeError(f"truths: got the labels {', '.join(labels)}; expected at least one and each once")
+
+    def needs(self, scene: Scene) -> tuple[str, ...]:
+        """Prepared estimators, and their errors on truths of their own model."""
+        return ("validation", *(f"prepared.{name}" for name in chosen_estimators(scene, self.estimators)))
+
+    def variants(self, scene: Scene) -> Mapping[str, Variant]:
+        """The scene with each truth's physics."""
+        return {each.label: Variant(each.set, _NEEDS) for each in self.truths}
+
+    def run(self, bench: Bench) -> Findings:
+        """Estimate each truth's data with the estimators of the scene."""
+        base, scene = bench.session, bench.session.scene
+        chosen = chosen_estimators(scene, self.estimators)
+        found: dict[str, Validation] = {"the estimator's own model": base.validation}
+        missing, lost = [0], [0.0]
+        for done, truth in enumerate(self.truths):
+            one = _Foreign(base, bench.variant(truth.label))
+            found[truth.label] = one.judged(chosen)
+            missing.append(one.missing)
+            lost.append(one.lost)
+            bench.tell(done + 1, len(self.truths))
+        largest = float(np.abs(base.validation.clean).max())
+        grid = Grid.of(found, chosen, scene.noise.levels)
+        return grid.findings(missing=missing, lost=lost, largest=largest)
+
+    def show(self, found: Findings, canvas: Canvas) -> Exhibit:
+        """Tables of errors and alarms, and curves of errors against the size of what is wrong."""
+        grid = Grid.kept(found)
+        note = "Alarm: share of the cases whose data contradict the estimator, by the chi-squared test of its residual."
+        text = (
+            "The truth comes from a model that the estimators do not know of; they keep their training set, what they "
+            "measure and their settings. Truths on another mesh are interpolated at the nodes of the estimators' mesh "
+            "before the errors of fields are measured; their data and numbers of interest come from the truth's own mesh."
+        )
+        others = [
+            f"{name}: {count} functionals of the scene are not measured there"
+            for name, count in zip(grid.settings, found.facts["missing"], strict=True)
+            if count
+        ]
+        others += [
+            f"{name}: {100 * share:.2g}% of the truth's last field is lost between the meshes"
+            for name, share in zip(grid.settings, found.facts["lost"], strict=True)
+            if share
+        ]
+        told = "\n\n".join([text, *(f"{each}." for each in others)])
+        return Exhibit(told, grid.tables(canvas, note, alarms=True), grid.scores())
+
+
+class _Foreign:
+    """Data and states of a truth's model, as the scene's estimators see them."""
+
+    def __init__(self, base: Session, other: Session) -> None:
+        self.base, self.other = base, other
+        self.mask, self._rows = _aligned(base.functionals, other.functionals)
+        self.missing = int((~self.mask).sum())
+        times, expected = other.model.times, base.model.times
+        if len(times) != len(expected) or not np.allclose(times, expected, rtol=1e-9, atol=0.0):
+            raise ShapeError(
+                "truths: records other times than the scene; change time.substeps or the scheme, not time.step or steps"
+            )
+        self._transfer = interpolation(other.model.space, base.model.space)
+
+    @cached_property
+    def lost(self) -> float:
+        """Share of the first truth's last field that is lost on the way to the scene's mesh and back."""
+        there, here = self.other.model.space, self.base.model.space
+        if there.n_dofs == here.n_dofs:
+            return 0.0
+        meter = ErrorMeter(there, PRODUCT, [], {f.name: 1.0 for f in there.fields})
+        states = self.other.truth[0].states
+        return unattainable(self._transfer, interpolation(here, there), states, meter)[there.fields[-1].name]
+
+    def _truths(self) -> Iterator[Trajectory]:
+        for truth in self.other.truth:
+            yield Trajectory(self._transfer(truth.states), truth.times)
+
+    def judged(self, estimators: Sequence[str]) -> Validation:
+        """What the scene's estimators make of the truth's data."""
+        base, scene = self.base, self.base.scene
+        background, contrasts = base.background, base.builder.contrasts(base.model.space, base.parameters)
+        measured: Measured = self.other.runner["measured"]
+        data = np.zeros((base.functionals.count, *measured.data.shape[1:]))
+        data[self.mask] = measured.data[self._rows]
+        noisy = NoisyData.drawn(
+            data, scene.noise.levels, scene.noise.seed, base.builder.observed(len(background.times))
+        )
+        weights = joint_weights(background)
+        meter = ErrorMeter(base.model.space, PRODUCT, contrasts, weights)
+        projected = None
+        if background.kind == PRODUCT:
+            reference = project(background, base.functionals, list(self._truths()), contrasts)
+            projected = ProjectedErrors(background, base.functionals, reference)
+        judge = Judge(Measured(data, measured.quantities), base.quantities, meter, projected, self._truths)
+        mask = None if self.mask.all() else self.mask
+        judged = {name: judge.judge(name, base.prepared(name), noisy, mask) for name in estimators}
+        return gather(judge.prior(background), judged, noisy, meter.labels, weights)
+
+
+def _aligned(base: Functionals, other: Functionals) -> tuple[BoolArray, IntArray]:
+    """Which functionals (m,) of the scene the truth's model has by the same label, and their rows there."""
+    rows = {label: row for row, label in enumerate(other.labels)}
+    mask = np.array([label in rows for label in base.labels])
+    if not mask.any():
+        raise ShapeError("truths: measures nothing that the scene measures; keep its observations")
+    return mask, np.array([rows[label] for label in base.labels if label in rows])
