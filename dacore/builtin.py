@@ -50,4 +50,9 @@ def dacore_studies() -> list[PluginSpec]:
             "dacore.workflow.studies.mismatch:Mismatch",
             summary="truths of another model than the estimators'",
         ),
+        PluginSpec(
+            "weights",
+            "dacore.workflow.studies.weights:Weights",
+            summary="stability and errors of PBDW against the weight between the fields",
+        ),
     ]

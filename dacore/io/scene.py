@@ -155,8 +155,25 @@ class Validation(Table):
     refine_time: Annotated[int, Field(ge=0, le=64)] = 0
 
 
+class Published(Table):
+    """A figure somebody published, to stand beside the same figure of every estimator: an error or a quantity's rms."""
+
+    what: str
+    value: str
+    error: str | None = None
+    quantity: str | None = None
+    noise: float = 0.0
+    statistic: Literal["mean", "worst"] = "mean"
+
+    @model_validator(mode="after")
+    def _one(self) -> "Published":
+        if (self.error is None) == (self.quantity is None):
+            raise ValueError("expected either error or quantity, the one that the figure is of")
+        return self
+
+
 class Views(Table):
-    """``[report]``: whether states are shown, where they are cut [cm] and when [s], and whose axes they have."""
+    """``[report]``: whether states are shown, where they are cut [cm] and when [s], whose axes, what was published."""
 
     states: bool = True
     anatomical: bool = False
@@ -164,6 +181,7 @@ class Views(Table):
     position: float | None = None
     measured_time: Positive | None = None
     worst_time: Positive | None = None
+    published: list[Published] = []
 
 
 class Scene(Table):
@@ -201,6 +219,11 @@ class Scene(Table):
     @model_validator(mode="after")
     def _asked(self) -> "Scene":
         """Refuse a scene that asks for nothing."""
+        for figure in self.report.published:
+            if figure.quantity is not None and figure.quantity not in self.quantity:
+                raise ValueError(f"report.published: {figure.quantity!r} is no [quantity.NAME] of the scene")
+            if figure.noise not in self.noise.levels:
+                raise ValueError(f"report.published: got noise {figure.noise}, expected one of {self.noise.levels}")
         if not self.report.states and not self.quantity:
             raise ValueError(
                 "report.states: got false in a scene without a quantity, so that nothing is asked for; add a "

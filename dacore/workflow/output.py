@@ -27,6 +27,7 @@ from dacore.workflow.tables import (
     noise_name,
     number_text,
     percent,
+    published_table,
     quantity_title,
     reduction_table,
     refinement_table,
@@ -47,6 +48,8 @@ def tables(session: Session, joint: bool = True) -> list[Table]:
     builder, space, validation = session.builder, session.model.space, session.validation
     labels = [label for label in validation.errors if joint or label != JOINT]
     out = [error_table(builder, space, validation, level, labels) for level in builder.scene.noise.levels]
+    if builder.scene.report.published:
+        out.append(published_table(builder, space, validation))
     if builder.scene.validation.refine_time > 1:
         out.append(refinement_table(session.refinement))
     if builder.scene.training.method == "reduced":

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dacore.core.space import StateSpace
+from dacore.errors import ShapeError
 from dacore.reduction.training import Reduced
 from dacore.studies.errors import JOINT
 from dacore.studies.reduction import UnseenErrors
@@ -72,6 +73,38 @@ def error_table(
         f"{noise_name(level)}: relative space–time errors, mean (worst) over {validation.clean.shape[2]} unseen cases",
         "Truth computed on the same mesh with the same scheme, so these are errors of the reconstruction alone.",
     )
+
+
+def published_table(builder: Builder, space: StateSpace, validation: Validation) -> Table:
+    """What was published beside the same figure of every estimator and of guessing the training mean."""
+    names = (PRIOR, *builder.scene.estimator)
+    rows: list[list[str | Cell]] = []
+    for figure in builder.scene.report.published:
+        values = []
+        for name in names:
+            outcome = validation.outcome(name, figure.noise)
+            if figure.quantity is not None:
+                found = outcome.quantities[figure.quantity]
+                values.append(found.rms if figure.statistic == "mean" else found.worst)
+            elif figure.error in outcome.space_time:
+                errors = outcome.space_time[figure.error]
+                values.append(float(errors.mean() if figure.statistic == "mean" else errors.max()))
+            else:
+                raise ShapeError(
+                    f"report.published: got the error {figure.error!r}, expected one of {', '.join(validation.errors)}"
+                )
+        best = int(np.argmin(values[1:])) + 1
+        text = percent if figure.quantity is None else number_text
+        cells = [Cell(text(value), tone_of(k, best, value, values[0])) for k, value in enumerate(values)]
+        unit = ""
+        if figure.quantity is not None:
+            unit = f" [{unit_text(builder.quantities[figure.quantity].functionals(space).unit)}]"
+        what = f"{figure.what}, {noise_name(figure.noise)}, {figure.statistic}{unit}"
+        rows.append([what, figure.value, *cells])
+    return Table(
+        ["figure", "published", *(name_of(builder, name) for name in names)], rows, "Beside what was published",
+        "Published figures are of another mesh of another brain.",
+    )  # fmt: skip
 
 
 def refinement_table(refinement: Refinement) -> Table:

@@ -100,7 +100,7 @@ class Mismatch(Study):
         text = (
             "The truth comes from a model that the estimators do not know of; they keep their training set, what they "
             "measure and their settings. Truths on another mesh are interpolated at the nodes of the estimators' mesh "
-            "before the errors of fields are measured; their data and numbers of interest come from the truth's own mesh."
+            "before the errors of fields are measured; data and numbers of interest come from the truth's own mesh."
         )
         others = [
             f"{name}: {count} functionals of the scene are not measured there"

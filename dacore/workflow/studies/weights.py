@@ -1,21 +1,27 @@
-"""The weight ζ between the fields: stability, chosen dimension and errors against it, and a rule that needs no truth."""
+"""The weight ζ between the fields: stability, chosen n and errors against it, and a rule that needs no truth."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Gt, Len
 
 from dacore.core.arrays import Array
-from dacore.errors import ShapeError
+from dacore.core.noise import WhiteNoise
+from dacore.errors import ShapeError, UnstableError
 from dacore.estimators.pbdw import PBDW
 from dacore.io.scene import Scene
-from dacore.studies.errors import JOINT
+from dacore.studies.errors import JOINT, ErrorMeter, ProjectedErrors
+from dacore.studies.validation import PRODUCT, Judge
+from dacore.workflow.canvas import Canvas
+from dacore.workflow.report_parts import Cell, Table
+from dacore.workflow.session import Session
 from dacore.workflow.studies.bench import Bench
-from dacore.workflow.studies.study import Findings, Study, Variant
+from dacore.workflow.studies.study import Exhibit, Findings, Study, Variant
+from dacore.workflow.tables import name_of, noise_name, number_text, percent, quantity_title
 
 Kind = Literal["l2", "h1"]
-_VARIANT = "product h1"
 
 
 @dataclass(frozen=True)
@@ -29,7 +35,7 @@ class Weights(Study):
     field : str
         Whose weight varies.
     lowest, highest : float
-        Ends of the weights, in logarithmic steps.
+        Ends of the weights, which rise by equal factors.
     count : int
     products : tuple of {"l2", "h1"}
         Inner products of the state.
@@ -56,10 +62,10 @@ class Weights(Study):
         return np.geomspace(self.lowest, self.highest, self.count)
 
     def needs(self, scene: Scene) -> tuple[str, ...]:
-        """Truth, data and background."""
+        """Data, background and truth."""
         return ("validation", "background", "functionals", "noisy", "measured", "truth")
 
-    def variants(self, scene: Scene) -> dict[str, Variant]:
+    def variants(self, scene: Scene) -> Mapping[str, Variant]:
         """The scene trained in the other product, where it is asked for."""
         other = [kind for kind in self.products if kind != scene.training.product]
         return {kind: Variant({"training.product": kind}, ("background", "functionals")) for kind in other}
@@ -69,27 +75,99 @@ class Weights(Study):
         base, scene = bench.session, bench.session.scene
         estimator = base.builder.estimators.get(self.estimator)
         if not isinstance(estimator, PBDW):
-            raise ShapeError(f"estimator: got {self.estimator!r}, expected a PBDW estimator of the scene")
+            raise ShapeError(f"estimator: got {self.estimator!r}, expected the name of a PBDW estimator of the scene")
         base.model.space.layout.field(self.field)
-        rows = []
+        rows: list[dict[str, Array]] = []
         for kind in self.products:
             session = base if kind == scene.training.product else bench.variant(kind)
-            judge = _judge(base, session)
+            one = _Weighed(base, session, self.estimator)
             for weight in self.values:
-                setting = replace(estimator, weights={self.field: float(weight)})
-                rows.append(_judged(base, session, judge, self.estimator, setting))
+                rows.append(one.judged(replace(estimator, weights={self.field: float(weight)})))
                 bench.tell(len(rows), len(self.products) * self.count)
         shape = (len(self.products), self.count)
-        arrays = {
-            name: np.array([row[name] for row in rows]).reshape(*shape, *np.shape(rows[0][name])) for name in rows[0]
+        arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+        facts: dict[str, Any] = {
+            "products": list(self.products),
+            "levels": list(scene.noise.levels),
+            "errors": [label for label in base.validation.errors if label != JOINT],
+            "quantities": list(scene.quantity),
         }
-        errors = [label for label in base.validation.errors if label != JOINT]
         return Findings(
-            {"weights": self.values, **arrays},
-            {
-                "products": list(self.products),
-                "levels": list(scene.noise.levels),
-                "errors": errors,
-                "quantities": list(scene.quantity),
-            },
+            {"weights": self.values, **{k: v.reshape(*shape, *v.shape[1:]) for k, v in arrays.items()}}, facts
         )
+
+    def show(self, found: Findings, canvas: Canvas) -> Exhibit:
+        """Tables of errors against the weight, the least of a column marked, and what the rule picks."""
+        facts, builder = found.facts, canvas.session.builder
+        label = facts["errors"][-1] if facts["errors"] else None
+        text = (
+            f"{name_of(builder, self.estimator)} with other weights ζ of {self.field} in the inner product and all else "
+            "the same. The rule takes the ζ whose claimed deviation of the first number of interest, from training "
+            "trajectories held out and the noise that comes through, is least: it needs no truth."
+        )
+        tables = []
+        for k, kind in enumerate(facts["products"]):
+            for j, level in enumerate(facts["levels"]):
+                tables.append(self._table(found, canvas, k, j, f"{kind} product, {noise_name(level)}", label))
+        return Exhibit(text, tables)
+
+    def _table(self, found: Findings, canvas: Canvas, k: int, j: int, caption: str, label: str | None) -> Table:
+        facts, arrays = found.facts, found.arrays
+        headers = ["ζ", "n", "β_n", *(f"e of {each}" for each in facts["errors"])]
+        headers += [f"{quantity_title(canvas.session.builder, q)}, rms" for q in facts["quantities"]]
+        headers += ["claimed deviation"] if facts["quantities"] else []
+        columns = [*arrays["errors"][k, :, j].T, *arrays["rms"][k, :, j].T]
+        texts = [percent] * len(facts["errors"]) + [number_text] * len(facts["quantities"])
+        claimed = arrays["claimed"][k, :, j, 0] if facts["quantities"] else np.full(self.count, np.nan)
+        best = [int(np.argmin(np.nan_to_num(column, nan=np.inf))) for column in columns]
+        picked = int(np.argmin(np.nan_to_num(claimed, nan=np.inf))) if np.isfinite(claimed).any() else -1
+        rows: list[list[str | Cell]] = []
+        for i, weight in enumerate(arrays["weights"]):
+            row: list[str | Cell] = [f"{weight:.0e}" + (" (rule)" if i == picked else "")]
+            row += [f"{arrays['n'][k, i, j]:.3g}", f"{arrays['inf_sup'][k, i, j]:.1e}"]
+            for column, least, text in zip(columns, best, texts, strict=True):
+                value = float(column[i])
+                row.append(Cell("unstable" if np.isnan(value) else text(value), "best" if i == least else ""))
+            row += [f"{claimed[i]:.3g}"] if facts["quantities"] else []
+            rows.append(row)
+        return Table(headers, rows, caption)
+
+
+class _Weighed:
+    """One product: what an estimator of it does at a weight."""
+
+    def __init__(self, base: Session, session: Session, name: str) -> None:
+        self.base, self.session, self.name = base, session, name
+        background = session.background
+        contrasts = base.builder.contrasts(base.model.space, base.parameters)
+        meter = ErrorMeter(base.model.space, PRODUCT, contrasts, base.validation.joint_weights)
+        projected = None
+        if background.kind == PRODUCT and session is base:
+            projected = ProjectedErrors(background, base.functionals, base.runner["reference"])
+        self.judge = Judge(base.runner["measured"], base.quantities, meter, projected, lambda: base.truth)
+        self.labels = [label for label in meter.labels if label != JOINT]
+
+    def judged(self, setting: PBDW) -> dict[str, Array]:
+        """Dimension, stability, errors and claimed deviations, level by level; NaN where the weight is unusable."""
+        session, noisy = self.session, self.base.runner["noisy"]
+        levels, quantities = list(noisy.data), list(self.base.quantities)
+        out = {
+            "n": np.full(len(levels), np.nan),
+            "inf_sup": np.full(len(levels), np.nan),
+            "errors": np.full((len(levels), len(self.labels)), np.nan),
+            "rms": np.full((len(levels), len(quantities)), np.nan),
+            "claimed": np.full((len(levels), len(quantities)), np.nan),
+        }
+        try:
+            steps = self.base.builder.observed(len(session.background.times))
+            prepared = setting.prepare(session.background, session.functionals, WhiteNoise(1.0), steps)
+            found = self.judge.judge(self.name, prepared, noisy)
+        except UnstableError:
+            return out
+        for j, outcome in enumerate(found.outcomes):
+            out["n"][j] = np.median([space.n for space in found.spaces])
+            out["inf_sup"][j] = np.nanmin(found.inf_sup)
+            out["errors"][j] = [outcome.space_time[label].mean() for label in self.labels]
+            out["rms"][j] = [outcome.quantities[name].rms for name in quantities]
+            out["claimed"][j] = [np.sqrt((outcome.quantities[q].deviation ** 2).mean()) for q in quantities]
+        return out
