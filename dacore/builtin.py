@@ -51,6 +51,11 @@ def dacore_studies() -> list[PluginSpec]:
             summary="truths of another model than the estimators'",
         ),
         PluginSpec(
+            "cohort",
+            "dacore.workflow.studies.cohort:CohortStudy",
+            summary="synthetic patients: who is told right, and whether claims are honest",
+        ),
+        PluginSpec(
             "weights",
             "dacore.workflow.studies.weights:Weights",
             summary="stability and errors of PBDW against the weight between the fields",

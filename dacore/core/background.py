@@ -7,8 +7,8 @@ coefficients by √ζ.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -102,6 +102,18 @@ class Background:
         """Coefficients (r, t) of the training mean of each time step: the prior guess."""
         return np.asarray(self.coefficients.mean(axis=2))
 
+    def without_mean(self, coefficients: Array, fields: Sequence[str]) -> Array:
+        """Coefficients (r, t, k) of trajectories less their mean over the steps, for some fields."""
+        out = np.array(coefficients)
+        for name in fields:
+            out[self.block(name)] -= out[self.block(name)].mean(axis=1, keepdims=True)
+        return out
+
+    def less_mean(self, fields: Sequence[str]) -> "Background":
+        """Return the background of trajectories less their mean over the steps, for some fields."""
+        forward = None if self.forward is None else _LessMean(self, self.forward, tuple(fields))
+        return replace(self, coefficients=self.without_mean(self.coefficients, fields), forward=forward)
+
     def observe(self, matrix: Sparse) -> Array:
         """Functionals (m, n_dofs) applied to every mode: (m, r)."""
         out = np.zeros((matrix.shape[0], self.dimension))
@@ -127,3 +139,28 @@ class Background:
             # Straight into its rows: a state is written once.
             np.matmul(self.bases[name].basis, flat[self.block(name)], out=out[self.space.layout.block(name)])
         return out.reshape(shape)
+
+
+@dataclass(frozen=True, eq=False)
+class _LessMean(ParametricMap):
+    """Trajectories of another map, less their mean over the steps."""
+
+    background: Background
+    forward: ParametricMap
+    fields: tuple[str, ...]
+
+    def coefficients(self, points: Array) -> Array:
+        """Trajectories of the other map, some fields less their mean."""
+        return self.background.without_mean(self.forward.coefficients(points), self.fields)
+
+    @property
+    def accuracy(self) -> Mapping[str, float]:
+        """Error of each field relative to what is left of it without its mean, over the training set."""
+        out = dict(self.forward.accuracy)
+        whole = self.background.coefficients
+        left = self.background.without_mean(whole, self.fields)
+        for name in self.fields:
+            block = self.background.block(name)
+            size = float(np.linalg.norm(left[block]))
+            out[name] *= float(np.linalg.norm(whole[block])) / size if size > 0 else 1.0
+        return out

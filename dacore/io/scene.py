@@ -127,9 +127,14 @@ class Noise(Table):
 
 
 class Observed(Table):
-    """``[observed]``: which recorded steps are measured: so many phases, or steps counted from 1; all without."""
+    """``[observed]``: what is seen of a cycle.
+
+    Which recorded steps are measured: so many phases, or steps counted from 1; all without. Fields in `less_mean`
+    are states less their mean over the recorded steps, which is what harmonic imaging sees of them.
+    """
 
     phases: Annotated[int, Field(ge=1)] | None = None
+    less_mean: list[str] = []
     steps: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)] | None = None
 
     @model_validator(mode="after")

@@ -44,6 +44,7 @@ def unseen_errors(
     reference: Reference,
     points: Sequence[Parameters],
     contrasts: Sequence[Contrast] = (),
+    less_mean: Sequence[str] = (),
 ) -> UnseenErrors:
     """Compare reduced with full trajectories, which are known by their projection and what it leaves.
 
@@ -58,11 +59,13 @@ def unseen_errors(
         Their parameters.
     contrasts : sequence of Contrast
         Of `reference`: an error is the same for a field and for the field less a constant, its size is not.
+    less_mean : sequence of str
+        Fields that the background and the reference hold less their mean over the steps.
     """
     if model.onto is None:
         raise ShapeError("reduced model: it knows no background; make it by dacore.reduction.training.train_reduced")
     states, estimated = model.estimate(points)
-    difference = np.tensordot(model.onto, states, axes=1) - reference.coefficients
+    difference = background.without_mean(np.tensordot(model.onto, states, axes=1), less_mean) - reference.coefficients
     labels = {name: name for name in model.fields} | {each.label: each.field for each in contrasts}
     true = {}
     for label, field in labels.items():

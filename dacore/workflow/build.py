@@ -258,6 +258,9 @@ class Builder:
         for name, estimator in self.estimators.items():
             with self.blame(f"estimator.{name}"):
                 estimator.check(space.layout, self.scene.training.samples)
+        with self.blame("observed.less_mean"):
+            for field in self.scene.observed.less_mean:
+                space.layout.field(field)
         self.contrasts(space, parameters)
 
     def contrasts(self, space: StateSpace, parameters: ParameterSpace) -> list[Contrast]:

@@ -90,6 +90,7 @@ def scene_pipeline(
         What to beware of is said in the log, and returned for the results.
         """
         builder.check_before_training(results["model"].space, results["parameters"])
+        builder.observed(len(results["model"].times))
         if scene.validation.refine_time > 1 and not isinstance(results["model"], MarchedModel):
             raise SceneError(f"{builder.where}: validation.refine_time: this model steps by itself; set it to 0")
         if reduced and not isinstance(results["model"], MarchedModel):
@@ -256,7 +257,7 @@ def scene_pipeline(
                     lambda results, _folder: unseen_errors(
                         results["training"].model, results["background"], results["reference"],
                         [results["parameters"].as_mapping(row) for row in results["truth"].samples],
-                        contrasts(results),
+                        contrasts(results), scene.observed.less_mean,
                     ), purpose="the reduced model on unseen cases",
                 ),
             )

@@ -86,7 +86,7 @@ def published_table(builder: Builder, space: StateSpace, validation: Validation)
             if figure.quantity is not None:
                 found = outcome.quantities[figure.quantity]
                 values.append(found.rms if figure.statistic == "mean" else found.worst)
-            elif figure.error in outcome.space_time:
+            elif figure.error is not None and figure.error in outcome.space_time:
                 errors = outcome.space_time[figure.error]
                 values.append(float(errors.mean() if figure.statistic == "mean" else errors.max()))
             else:

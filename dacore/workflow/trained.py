@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from dacore.algebra.compress import compress
 from dacore.core.arrays import Array
+from dacore.core.background import Background
 from dacore.dynamics.training import draw, solve_all
 from dacore.io.background import read_background, write_background
 from dacore.io.snapshots import TrajectoryStore
@@ -36,6 +37,7 @@ def training_stages(
         Of a dask cluster whose workers solve instead; not part of any key either.
     """
     scene, reduced = builder.scene, builder.scene.training.method == "reduced"
+    less_mean = scene.observed.less_mean
 
     def solve(results: Results, samples: Array, store: TrajectoryStore, title: str) -> int:
         return solve_all(results["model"], results["parameters"], samples, store, workers, show.meter(title), scheduler)
@@ -54,7 +56,11 @@ def training_stages(
 
     def make_truth(results: Results, folder: Path) -> TrajectorySet:
         samples = draw(results["parameters"], scene.validation.cases, "uniform", scene.validation.seed)
-        return trajectories(results, folder, samples, "unseen cases")
+        return seen(results, trajectories(results, folder, samples, "unseen cases"))
+
+    def seen(results: Results, stored: TrajectorySet) -> TrajectorySet:
+        layout = results["model"].space.layout
+        return replace(stored, less_mean=tuple(layout.block(name) for name in less_mean))
 
     def noted(title: str) -> Codec:
         """Keeps no trajectory, which the store does, but that all are there: they are not read to find out."""
@@ -82,19 +88,24 @@ def training_stages(
                 settings.tolerance, tell,
             )  # fmt: skip
 
-    def make_background(results: Results, _: Path) -> Any:
+    def make_background(results: Results, _: Path) -> Background:
         if reduced:
-            return results["training"].background
-        training: TrajectorySet = results["training"]
-        settings = scene.training
-        return compress(
-            results["model"].space, training, results["parameters"], training.samples, settings.tolerance,
-            settings.product, workers, show.meter("background"), settings.memory,
-        )  # fmt: skip
+            made: Background = results["training"].background
+        else:
+            training: TrajectorySet = results["training"]
+            settings = scene.training
+            made = compress(
+                results["model"].space, training, results["parameters"], training.samples, settings.tolerance,
+                settings.product, workers, show.meter("background"), settings.memory,
+            )  # fmt: skip
+        return made.less_mean(less_mean) if less_mean else made
 
+    kept = noted("unseen cases")
+    without = {"less_mean": less_mean} if less_mean else {}
     truth = Stage(
-        "truth", ("model", "parameters"), scene.validation.model_dump(include={"cases", "seed"}), make_truth,
-        noted("unseen cases"), "unseen cases",
+        "truth", ("model", "parameters"), scene.validation.model_dump(include={"cases", "seed"}) | without, make_truth,
+        replace(kept, load=lambda path, results: seen(results, kept.load(path, results)), load_needs=("model",)),
+        "unseen cases",
     )  # fmt: skip
     if reduced:
         return [
@@ -113,7 +124,7 @@ def training_stages(
                     ("model", "parameters"),
                 ), "a reduced model and its trajectories",
             ),
-            Stage("background", ("training",), {}, make_background, purpose="compressed training set"),
+            Stage("background", ("training",), without, make_background, purpose="compressed training set"),
         ], truth  # fmt: skip
     return [
         Stage(
@@ -122,8 +133,8 @@ def training_stages(
             noted("training"), "trajectories",
         ),
         Stage(
-            "background", ("training",), scene.training.model_dump(include={"tolerance", "product", "memory"}),
-            make_background,
+            "background", ("training",),
+            scene.training.model_dump(include={"tolerance", "product", "memory"}) | without, make_background,
             Codec(
                 ".h5", write_background,
                 lambda path, results: read_background(path, results["model"].space, results["parameters"]),

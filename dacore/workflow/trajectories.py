@@ -27,12 +27,15 @@ class TrajectorySet(Sequence[Trajectory]):
         How many were solved in this run.
     mend : callable, optional
         Solves again what is missing in the store; called where a file turns out to be damaged.
+    less_mean : tuple of slice
+        Rows of the states that are seen less their mean over the steps.
     """
 
     store: TrajectoryStore
     samples: Array
     solved: int
     mend: Callable[[], int] | None = None
+    less_mean: tuple[slice, ...] = ()
 
     def __len__(self) -> int:
         return len(self.samples)
@@ -50,6 +53,13 @@ class TrajectorySet(Sequence[Trajectory]):
         return (self[index] for index in range(len(self)))
 
     def _read(self, index: int) -> Trajectory:
+        found = self._stored(index)
+        for rows in self.less_mean:
+            # What was read is nobody else's yet.
+            found.states[rows] -= found.states[rows].mean(axis=1, keepdims=True)
+        return found
+
+    def _stored(self, index: int) -> Trajectory:
         try:
             return self.store.read(index)[0]
         except StoreError:

@@ -101,7 +101,7 @@ class Weights(Study):
         facts, builder = found.facts, canvas.session.builder
         label = facts["errors"][-1] if facts["errors"] else None
         text = (
-            f"{name_of(builder, self.estimator)} with other weights ζ of {self.field} in the inner product and all else "
+            f"{name_of(builder, self.estimator)} with other weights ζ of {self.field} in the inner product, all else "
             "the same. The rule takes the ζ whose claimed deviation of the first number of interest, from training "
             "trajectories held out and the noise that comes through, is least: it needs no truth."
         )
