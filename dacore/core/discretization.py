@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Any, final
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from dacore.core.arrays import Array, Sparse, as_array
@@ -27,30 +28,33 @@ class Assembler(ABC):
     is ``component · n_nodes + node``, a node's number is its row in ``mesh.nodes(order)``, whatever
     numbering the library uses inside. Matrices may be of any sparse type, with any sparsity; entries
     given more than once are added. Each is asked for once: nothing needs to be kept for a second time.
+
+    A `weight` (c,) multiplies the integrand on each cell, in the order of ``mesh.cells``: a coefficient that is
+    constant on a cell, not negative. None is one everywhere.
     """
 
     @abstractmethod
-    def mass(self, order: int) -> Any:
+    def mass(self, order: int, weight: Array | None = None) -> Any:
         """∫ a b: (n, n)."""
 
     @abstractmethod
-    def stiffness(self, order: int) -> Any:
+    def stiffness(self, order: int, weight: Array | None = None) -> Any:
         """∫ ∇a·∇b: (n, n)."""
 
     @abstractmethod
-    def strain(self, order: int) -> Any:
+    def strain(self, order: int, weight: Array | None = None) -> Any:
         """∫ ε(a):ε(b), ε the symmetric gradient of vectors: (d n, d n)."""
 
     @abstractmethod
-    def divergence(self, order: int) -> Any:
+    def divergence(self, order: int, weight: Array | None = None) -> Any:
         """∫ (∇·a)(∇·b) of vectors: (d n, d n)."""
 
     @abstractmethod
-    def gradient_coupling(self, scalar: int, vector: int) -> Any:
+    def gradient_coupling(self, scalar: int, vector: int, weight: Array | None = None) -> Any:
         """∫ ∇p·v, v the test function of order `vector`, p of order `scalar`: (d n_vector, n_scalar)."""
 
     @abstractmethod
-    def divergence_coupling(self, vector: int, scalar: int) -> Any:
+    def divergence_coupling(self, vector: int, scalar: int, weight: Array | None = None) -> Any:
         """∫ q ∇·u, q the test function of order `scalar`, u of order `vector`: (n_scalar, d n_vector)."""
 
     @abstractmethod
@@ -100,6 +104,8 @@ class Discretization:
     Every form is a ``csr_array`` over the dofs of its fields alone, ordered component by
     component and node by node (nodes as in `Mesh.nodes`), with sorted indices. It is assembled when
     first asked for and kept until `release`; equal elements share it. Rows belong to the test function.
+    Forms over cells take a `weight` (c,), one number a cell that multiplies the integrand: a material
+    that is not the same everywhere. A form with a weight is not kept.
 
     Parameters
     ----------
@@ -110,7 +116,8 @@ class Discretization:
     Raises
     ------
     ShapeError
-        If there is no field, two have one name, or a form does not exist for the field asked for.
+        If there is no field, two have one name, a form does not exist for the field asked for, or a weight
+        is not one finite number for each cell, none negative.
     CapabilityError
         If there is no such field.
     MeshError
@@ -158,39 +165,45 @@ class Discretization:
                 f"backend {self.backend.name} {what} ({reason}); {whose} or choose another backend"
             ) from error
 
-    def scalar_mass(self, field: str) -> Sparse:
+    def scalar_mass(self, field: str, weight: ArrayLike | None = None) -> Sparse:
         """∫ a b for one component of `field`: (n_nodes, n_nodes)."""
         order = self._order(field)
-        return self._once(("mass", order), self._nodes(order), self._nodes(order), lambda a: a.mass(order))
+        n = self._nodes(order)
+        return self._over_cells(("mass", order), n, n, weight, lambda a, *w: a.mass(order, *w))
 
-    def scalar_stiffness(self, field: str) -> Sparse:
+    def scalar_stiffness(self, field: str, weight: ArrayLike | None = None) -> Sparse:
         """∫ ∇a·∇b for one component of `field`: (n_nodes, n_nodes)."""
         order = self._order(field)
-        return self._once(("stiffness", order), self._nodes(order), self._nodes(order), lambda a: a.stiffness(order))
+        n = self._nodes(order)
+        return self._over_cells(("stiffness", order), n, n, weight, lambda a, *w: a.stiffness(order, *w))
 
-    def strain(self, field: str) -> Sparse:
+    def strain(self, field: str, weight: ArrayLike | None = None) -> Sparse:
         """∫ ε(a):ε(b) of a vector field: (n_field, n_field)."""
         order = self._vector(field)
-        return self._once(("strain", order), self._dofs(order), self._dofs(order), lambda a: a.strain(order))
+        n = self._dofs(order)
+        return self._over_cells(("strain", order), n, n, weight, lambda a, *w: a.strain(order, *w))
 
-    def divergence(self, field: str) -> Sparse:
+    def divergence(self, field: str, weight: ArrayLike | None = None) -> Sparse:
         """∫ (∇·a)(∇·b) of a vector field: (n_field, n_field)."""
         order = self._vector(field)
-        return self._once(("divergence", order), self._dofs(order), self._dofs(order), lambda a: a.divergence(order))
+        n = self._dofs(order)
+        return self._over_cells(("divergence", order), n, n, weight, lambda a, *w: a.divergence(order, *w))
 
-    def gradient_coupling(self, scalar: str, vector: str) -> Sparse:
+    def gradient_coupling(self, scalar: str, vector: str, weight: ArrayLike | None = None) -> Sparse:
         """∫ ∇p·v, v the test function: (n_vector, n_scalar)."""
         p, v = self._scalar(scalar), self._vector(vector)
-        return self._once(
-            ("gradient coupling", p, v), self._dofs(v), self._nodes(p), lambda a: a.gradient_coupling(p, v)
-        )
+        return self._over_cells(
+            ("gradient coupling", p, v), self._dofs(v), self._nodes(p), weight,
+            lambda a, *w: a.gradient_coupling(p, v, *w),
+        )  # fmt: skip
 
-    def divergence_coupling(self, vector: str, scalar: str) -> Sparse:
+    def divergence_coupling(self, vector: str, scalar: str, weight: ArrayLike | None = None) -> Sparse:
         """∫ q ∇·u, q the test function: (n_scalar, n_vector)."""
         u, q = self._vector(vector), self._scalar(scalar)
-        return self._once(
-            ("divergence coupling", u, q), self._nodes(q), self._dofs(u), lambda a: a.divergence_coupling(u, q)
-        )
+        return self._over_cells(
+            ("divergence coupling", u, q), self._nodes(q), self._dofs(u), weight,
+            lambda a, *w: a.divergence_coupling(u, q, *w),
+        )  # fmt: skip
 
     def scalar_boundary_mass(self, field: str, role: str) -> Sparse:
         """∫ a b over the boundary `role` for one component: (n_nodes, n_nodes)."""
@@ -238,15 +251,39 @@ class Discretization:
             made = assembler.evaluation(where, order, derivative)
         return self._canonical("evaluation", made, len(where), self._nodes(order))
 
+    def _over_cells(
+        self,
+        key: tuple[str | int, ...],
+        rows: int,
+        columns: int,
+        weight: ArrayLike | None,
+        assemble: Callable[..., Any],
+    ) -> Sparse:
+        """Return a form whose integrand may be weighted; `assemble` takes an assembler and a weight if there is one."""
+        if weight is None:
+            return self._once(key, rows, columns, assemble)
+        form = f"{key[0]} with a weight"
+        given = as_array(f"weight of {key[0]}", weight, (len(self.mesh.cells),))
+        negative = np.flatnonzero(given < 0)
+        if negative.size:
+            raise ShapeError(
+                f"weight of {key[0]}: {negative.size} of {given.size} are negative (first: {given[negative[0]]:g} on "
+                f"cell {negative[0]}), expected none below 0"
+            )
+        return self._assembled(form, rows, columns, lambda assembler: assemble(assembler, given))
+
     def _once(
         self, key: tuple[str | int, ...], rows: int, columns: int, assemble: Callable[[Assembler], Any]
     ) -> Sparse:
         if key not in self._forms:
-            form, assembler = str(key[0]), self._assembler
-            with self._blame(f"could not assemble {form}"):
-                made = assemble(assembler)
-            self._forms[key] = self._canonical(form, made, rows, columns)
+            self._forms[key] = self._assembled(str(key[0]), rows, columns, assemble)
         return self._forms[key]
+
+    def _assembled(self, form: str, rows: int, columns: int, assemble: Callable[[Assembler], Any]) -> Sparse:
+        assembler = self._assembler
+        with self._blame(f"could not assemble {form}"):
+            made = assemble(assembler)
+        return self._canonical(form, made, rows, columns)
 
     def _canonical(self, form: str, made: Any, rows: int, columns: int) -> Sparse:
         """Return what a backend made as a csr_array with sorted indices, no entry twice; PluginError if it is none."""

@@ -116,10 +116,13 @@ class Reference:
     Parameters
     ----------
     mesh : Mesh
+    weight : (c,) array, optional
+        Factor of the integrand on each cell, of all forms over cells.
     """
 
-    def __init__(self, mesh: Mesh) -> None:
+    def __init__(self, mesh: Mesh, weight: Array | None = None) -> None:
         self.mesh = mesh
+        self._weight = np.ones(len(mesh.cells)) if weight is None else weight
 
     @cached_property
     def _volume(self) -> Patch:
@@ -127,7 +130,7 @@ class Reference:
         corner = self.mesh.points[self.mesh.cells]
         edges = corner[:, 1:] - corner[:, :1]
         where = corner[:, :1] + np.einsum("qi,kid->kqd", points, edges)
-        size = np.abs(np.linalg.det(edges))
+        size = np.abs(np.linalg.det(edges)) * self._weight
         cells = np.arange(len(corner))
         return Patch(self.mesh, cells, where, size[:, None] * weights, np.zeros((len(cells), self.mesh.dim)))
 

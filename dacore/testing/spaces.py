@@ -59,29 +59,32 @@ class ReferenceAssembler(Assembler):
         self._mesh, self._forms = mesh, Reference(mesh)
         self._locator = PointLocator(mesh.points, mesh.cells)
 
-    def mass(self, order: int) -> Sparse:
+    def _with(self, weight: Array | None) -> Reference:
+        return self._forms if weight is None else Reference(self._mesh, weight)
+
+    def mass(self, order: int, weight: Array | None = None) -> Sparse:
         """∫ a b."""
-        return csr_array(self._forms.mass(order).matrix)
+        return csr_array(self._with(weight).mass(order).matrix)
 
-    def stiffness(self, order: int) -> Sparse:
+    def stiffness(self, order: int, weight: Array | None = None) -> Sparse:
         """∫ ∇a·∇b."""
-        return csr_array(self._forms.stiffness(order).matrix)
+        return csr_array(self._with(weight).stiffness(order).matrix)
 
-    def strain(self, order: int) -> Sparse:
+    def strain(self, order: int, weight: Array | None = None) -> Sparse:
         """∫ ε(a):ε(b)."""
-        return csr_array(self._forms.strain(order).matrix)
+        return csr_array(self._with(weight).strain(order).matrix)
 
-    def divergence(self, order: int) -> Sparse:
+    def divergence(self, order: int, weight: Array | None = None) -> Sparse:
         """∫ (∇·a)(∇·b)."""
-        return csr_array(self._forms.divergence(order).matrix)
+        return csr_array(self._with(weight).divergence(order).matrix)
 
-    def gradient_coupling(self, scalar: int, vector: int) -> Sparse:
+    def gradient_coupling(self, scalar: int, vector: int, weight: Array | None = None) -> Sparse:
         """∫ ∇p·v."""
-        return csr_array(self._forms.gradient_coupling(scalar, vector).matrix)
+        return csr_array(self._with(weight).gradient_coupling(scalar, vector).matrix)
 
-    def divergence_coupling(self, vector: int, scalar: int) -> Sparse:
+    def divergence_coupling(self, vector: int, scalar: int, weight: Array | None = None) -> Sparse:
         """∫ q ∇·u."""
-        return csr_array(self._forms.divergence_coupling(vector, scalar).matrix)
+        return csr_array(self._with(weight).divergence_coupling(vector, scalar).matrix)
 
     def boundary_mass(self, order: int, role: str) -> Sparse:
         """∫ a b over a role."""

@@ -129,7 +129,7 @@ class ForgetsInPickling(Sound):
     def assembler(self, mesh):
         made = Delegate(mesh)
         inner, scale = made.inner.mass, self.scale
-        made.inner.mass = lambda order: scale * inner(order)
+        made.inner.mass = lambda order, weight=None: scale * inner(order, weight)
         return made
 
 

@@ -350,3 +350,52 @@ class NotANumber(Delegate):
         made = self.inner.divergence(order)
         made.data[0] = np.nan
         return made
+
+
+@caught_by("weighted_forms", "likely cause: the weight is left out", also=("weights_add_up",))
+class WeightLeftOut(Delegate):
+    def strain(self, order, weight=None):
+        return self.inner.strain(order)
+
+
+@caught_by("weighted_forms", r"divergence_coupling with a weight, vector P1, scalar P1, on the .*entries differ")
+class WeightsOfOtherCells(Delegate):
+    def divergence_coupling(self, vector, scalar, weight=None):
+        return self.inner.divergence_coupling(vector, scalar, None if weight is None else weight[::-1].copy())
+
+
+@caught_by("weighted_forms", "mass with a weight, P1, .*entries differ")
+class WeightsMadeSmooth(Delegate):
+    """A weight that is continuous: the mean of the cells at each vertex, and of the vertices on each cell."""
+
+    def mass(self, order, weight=None):
+        if weight is None:
+            return self.inner.mass(order)
+        cells = self.mesh.cells
+        count = np.bincount(cells.ravel())
+        mean = np.bincount(cells.ravel(), np.repeat(weight, cells.shape[1])) / count
+        return self.inner.mass(order, mean[cells].mean(axis=1))
+
+
+@caught_by(
+    "weights_of_one", "stiffness with a weight of one, P1.*differs by", also=("weighted_forms", "weights_add_up")
+)
+class WeightOnTopOfTheForm(Delegate):
+    def stiffness(self, order, weight=None):
+        return self.inner.stiffness(order, None if weight is None else 1.0 + weight)
+
+
+@caught_by("weights_add_up", "is something kept that belongs to another weight")
+class KeepsTheFirstWeight(Delegate):
+    def divergence(self, order, weight=None):
+        kept = self.__dict__.setdefault("kept", {})
+        return self.inner.divergence(order, None if weight is None else kept.setdefault(order, weight))
+
+
+@caught_by(
+    "weights_of_one", r"could not assemble strain with a weight \(TypeError",
+    also=("weighted_forms", "weights_add_up"),
+)  # fmt: skip
+class KnowsNoWeights(Delegate):
+    def strain(self, order):
+        return self.inner.strain(order)

@@ -24,23 +24,23 @@ class Delegate(Assembler):
     def __init__(self, mesh):
         self.mesh, self.inner = mesh, skfem(mesh)
 
-    def mass(self, order):
-        return self.inner.mass(order)
+    def mass(self, order, weight=None):
+        return self.inner.mass(order, weight)
 
-    def stiffness(self, order):
-        return self.inner.stiffness(order)
+    def stiffness(self, order, weight=None):
+        return self.inner.stiffness(order, weight)
 
-    def strain(self, order):
-        return self.inner.strain(order)
+    def strain(self, order, weight=None):
+        return self.inner.strain(order, weight)
 
-    def divergence(self, order):
-        return self.inner.divergence(order)
+    def divergence(self, order, weight=None):
+        return self.inner.divergence(order, weight)
 
-    def gradient_coupling(self, scalar, vector):
-        return self.inner.gradient_coupling(scalar, vector)
+    def gradient_coupling(self, scalar, vector, weight=None):
+        return self.inner.gradient_coupling(scalar, vector, weight)
 
-    def divergence_coupling(self, vector, scalar):
-        return self.inner.divergence_coupling(vector, scalar)
+    def divergence_coupling(self, vector, scalar, weight=None):
+        return self.inner.divergence_coupling(vector, scalar, weight)
 
     def boundary_mass(self, order, role):
         return self.inner.boundary_mass(order, role)

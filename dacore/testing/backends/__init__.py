@@ -3,7 +3,7 @@
 from functools import partial
 
 from dacore.core.discretization import Backend
-from dacore.testing.backends import conduct, declaration, entries, evaluation, identities
+from dacore.testing.backends import conduct, declaration, entries, evaluation, identities, weights
 from dacore.testing.backends.stand import Stand
 from dacore.testing.meshes import graded_box, islands, shuffled_box
 from dacore.testing.suite import Suite, bind, expect_kind
@@ -32,7 +32,7 @@ def backend_suite(backend: Backend) -> Suite:
     """
     expect_kind("backend_suite", backend, Backend)
     cases = list(bind(declaration.CHECKS, backend))
-    on_any = (*entries.CHECKS, *evaluation.GENERAL)
+    on_any = (*entries.CHECKS, *weights.CHECKS, *evaluation.GENERAL)
     for dim in (2, 3):
         bumpy = partial(shuffled_box, dim, 3, seed=1, bumpy=True, hole=True)
         for name, make, checks in (

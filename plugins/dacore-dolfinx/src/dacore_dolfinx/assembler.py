@@ -35,29 +35,29 @@ class DolfinxAssembler(Assembler):
         self._dofs: dict[int, IntArray] = {}
         self._patterns: dict[tuple[int, int], tuple[Any, numbering.Places]] = {}
 
-    def mass(self, order: int) -> Sparse:
+    def mass(self, order: int, weight: Array | None = None) -> Sparse:
         """∫ a b: (n, n)."""
-        return self._assemble(forms.MASS, order, order)
+        return self._assemble(forms.MASS, order, order, weight=weight)
 
-    def stiffness(self, order: int) -> Sparse:
+    def stiffness(self, order: int, weight: Array | None = None) -> Sparse:
         """∫ ∇a·∇b: (n, n)."""
-        return self._assemble(forms.STIFFNESS, order, order)
+        return self._assemble(forms.STIFFNESS, order, order, weight=weight)
 
-    def strain(self, order: int) -> Sparse:
+    def strain(self, order: int, weight: Array | None = None) -> Sparse:
         """∫ ε(a):ε(b): (d n, d n)."""
-        return self._assemble(forms.STRAIN, order, order, rows=self.mesh.dim, columns=self.mesh.dim)
+        return self._assemble(forms.STRAIN, order, order, rows=self.mesh.dim, columns=self.mesh.dim, weight=weight)
 
-    def divergence(self, order: int) -> Sparse:
+    def divergence(self, order: int, weight: Array | None = None) -> Sparse:
         """∫ (∇·a)(∇·b): (d n, d n)."""
-        return self._assemble(forms.DIVERGENCE, order, order, rows=self.mesh.dim, columns=self.mesh.dim)
+        return self._assemble(forms.DIVERGENCE, order, order, rows=self.mesh.dim, columns=self.mesh.dim, weight=weight)
 
-    def gradient_coupling(self, scalar: int, vector: int) -> Sparse:
+    def gradient_coupling(self, scalar: int, vector: int, weight: Array | None = None) -> Sparse:
         """∫ ∇p·v, v the test function: (d n_vector, n_scalar)."""
-        return self._assemble(forms.GRADIENT_COUPLING, scalar, vector, rows=self.mesh.dim)
+        return self._assemble(forms.GRADIENT_COUPLING, scalar, vector, rows=self.mesh.dim, weight=weight)
 
-    def divergence_coupling(self, vector: int, scalar: int) -> Sparse:
+    def divergence_coupling(self, vector: int, scalar: int, weight: Array | None = None) -> Sparse:
         """∫ q ∇·u, q the test function: (n_scalar, d n_vector)."""
-        return self._assemble(forms.DIVERGENCE_COUPLING, vector, scalar, columns=self.mesh.dim)
+        return self._assemble(forms.DIVERGENCE_COUPLING, vector, scalar, columns=self.mesh.dim, weight=weight)
 
     def boundary_mass(self, order: int, role: str) -> Sparse:
         """∫ a b over the facets of `role`: (n, n)."""
@@ -72,7 +72,14 @@ class DolfinxAssembler(Assembler):
         return basis_at(self.mesh, self._locator, points, order, derivative)
 
     def _assemble(
-        self, form: forms.Form, trial: int, test: int, rows: int = 1, columns: int = 1, role: str | None = None
+        self,
+        form: forms.Form,
+        trial: int,
+        test: int,
+        rows: int = 1,
+        columns: int = 1,
+        role: str | None = None,
+        weight: Array | None = None,
     ) -> Sparse:
         """Matrix of ``rows × columns`` blocks, (i, j) for the test direction i and the trial direction j."""
         domain = self._domain
@@ -81,6 +88,8 @@ class DolfinxAssembler(Assembler):
         a, b = (ufl.as_vector([directions[k, axis] for axis in range(self.mesh.dim)]) for k in range(2))
         measure = ufl.dx(domain=domain) if role is None else self._surface(role)
         integrand = form.integrand(p, q, a, b, ufl.FacetNormal(domain))
+        if weight is not None:
+            integrand = self._weight(weight) * integrand
         kernel = compile_form(integrand * measure(degree=form.degree(trial, test)))
         matrix, places = self._pattern(kernel, trial, test, keep=role is None)
 
@@ -114,7 +123,18 @@ class DolfinxAssembler(Assembler):
         tags = compat.facet_tags(self._domain, facets)
         return ufl.Measure("ds", domain=self._domain, subdomain_data=tags, subdomain_id=1)
 
+    def _weight(self, weight: Array) -> Any:
+        """A function that is constant on each cell; its numbers go in by the cells of the mesh."""
+        function = compat.function(self._space(0))
+        function.x.array[compat.cell_dofs(self._space(0))[:, 0]] = weight[self._cells]
+        return function
+
+    @cached_property
+    def _cells(self) -> IntArray:
+        return numbering.canonical_cells(self.mesh, self._vertices)
+
     def _space(self, order: int) -> Any:
+        """Scalar Lagrange elements; of order 0, one constant a cell."""
         if order not in self._spaces:
             self._spaces[order] = compile_space(self._domain, order)
         return self._spaces[order]

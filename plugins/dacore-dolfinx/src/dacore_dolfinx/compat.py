@@ -74,10 +74,11 @@ def facet_tags(domain: Any, facets: IntArray) -> Any:
 
 
 def space(domain: Any, order: int, jit: dict[str, Any]) -> Any:
-    """Scalar Lagrange elements of `order`."""
+    """Scalar Lagrange elements of `order`; 0 for one constant a cell."""
     make = fem.FunctionSpace if VERSION < (0, 7) else fem.functionspace
     # Elements are not compiled since 0.8; the arguments went with 0.10.
-    return make(domain, ("Lagrange", order), **(_jit(jit) if VERSION < (0, 10) else {}))
+    family = "Lagrange" if order else "Discontinuous Lagrange"
+    return make(domain, (family, order), **(_jit(jit) if VERSION < (0, 10) else {}))
 
 
 def cell_dofs(functions: Any) -> IntArray:
@@ -88,6 +89,11 @@ def cell_dofs(functions: Any) -> IntArray:
 def compiled(form: Any, jit: dict[str, Any]) -> Any:
     """Compile a UFL form for double precision."""
     return fem.form(form, dtype=np.float64, **_jit(jit))
+
+
+def function(functions: Any) -> Any:
+    """Return a function of a space, zero so far; ``x.array`` holds its dofs."""
+    return fem.Function(functions)
 
 
 def constant(domain: Any, shape: tuple[int, ...]) -> Any:
@@ -113,5 +119,5 @@ def _table(adjacency: Any) -> IntArray:
 
 __all__ = [
     "VERSION", "assemble_matrix", "cell_dofs", "cell_facets", "cell_vertices", "compiled", "constant",
-    "create_matrix", "element", "facet_tags", "make_mesh", "space",
+    "create_matrix", "element", "facet_tags", "function", "make_mesh", "space",
 ]  # fmt: skip

@@ -30,7 +30,7 @@ def compile_form(form: Any) -> Any:
 
 
 def compile_space(domain: Any, order: int) -> Any:
-    """Scalar Lagrange elements on a mesh; PluginError if they cannot be compiled."""
+    """Scalar Lagrange elements on a mesh, of order 0 one constant a cell; PluginError if they cannot be compiled."""
     return _compiled(lambda: compat.space(domain, order, _OPTIONS))
 
 

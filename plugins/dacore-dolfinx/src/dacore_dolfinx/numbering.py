@@ -53,6 +53,14 @@ def canonical_dofs(mesh: Mesh, vertices: IntArray, space: Any, order: int) -> In
     return dofs
 
 
+def canonical_cells(mesh: Mesh, vertices: IntArray) -> IntArray:
+    """Cell number (c,) in the mesh of each of DOLFINx's cells, given by their vertices (c, d + 1) in any order."""
+    ours, theirs = (np.lexsort(np.sort(cells, axis=1).T) for cells in (mesh.cells, vertices))
+    number = np.empty(len(ours), dtype=np.int64)
+    number[theirs] = ours
+    return number
+
+
 def marked_facets(mesh: Mesh, vertices: IntArray, cell_facets: IntArray, role: str) -> IntArray:
     """DOLFINx's numbers of the facets that carry `role`, sorted.
 

@@ -37,38 +37,42 @@ class MfemAssembler(Assembler):
         self._patterns: dict[int, Pattern] = {}
         self._shapes: dict[int, Shapes] = {}
 
-    def mass(self, order: int) -> Sparse:
+    def mass(self, order: int, weight: Array | None = None) -> Sparse:
         """∫ a b: (n, n)."""
-        return self._scalar(order, mfem.MassIntegrator(), 2 * order)
+        factor = self._factor(weight)
+        return self._scalar(order, mfem.MassIntegrator(*factor), 2 * order)
 
-    def stiffness(self, order: int) -> Sparse:
+    def stiffness(self, order: int, weight: Array | None = None) -> Sparse:
         """∫ ∇a·∇b: (n, n)."""
-        return self._scalar(order, mfem.DiffusionIntegrator(), 2 * (order - 1))
+        factor = self._factor(weight)
+        return self._scalar(order, mfem.DiffusionIntegrator(*factor), 2 * (order - 1))
 
-    def strain(self, order: int) -> Sparse:
+    def strain(self, order: int, weight: Array | None = None) -> Sparse:
         """∫ ε(a):ε(b): (d n, d n)."""
         # ε(u):ε(v) = ½ Σ_ij (∂_j u_i ∂_j v_i + ∂_j u_i ∂_i v_j): block (a, b) is ½ (δ_ab Σ_i D_ii + D_ba).
-        pattern, second = self._second(order)
+        pattern, second = self._second(order, weight)
         laplace = sum(second(axis, axis) for axis in range(self.mesh.dim))
         return pattern.block(
             self.mesh.dim, lambda a, b: 0.5 * (second(b, a) + laplace) if a == b else 0.5 * second(b, a)
         )
 
-    def divergence(self, order: int) -> Sparse:
+    def divergence(self, order: int, weight: Array | None = None) -> Sparse:
         """∫ (∇·a)(∇·b): (d n, d n)."""
-        pattern, second = self._second(order)
+        pattern, second = self._second(order, weight)
         return pattern.block(self.mesh.dim, second)
 
-    def gradient_coupling(self, scalar: int, vector: int) -> Sparse:
+    def gradient_coupling(self, scalar: int, vector: int, weight: Array | None = None) -> Sparse:
         """∫ ∇p·v, v the test function: (d n_vector, n_scalar)."""
         p, v = self._mfem.space(scalar), self._mfem.space(vector)
-        form = _mixed(p.scalar, v.vector, mfem.GradientIntegrator(), self._rule(scalar + vector - 1))
+        factor = self._factor(weight)
+        form = _mixed(p.scalar, v.vector, mfem.GradientIntegrator(*factor), self._rule(scalar + vector - 1))
         return renumbered(form, self._components(v.nodes), p.nodes)
 
-    def divergence_coupling(self, vector: int, scalar: int) -> Sparse:
+    def divergence_coupling(self, vector: int, scalar: int, weight: Array | None = None) -> Sparse:
         """∫ q ∇·u, q the test function: (n_scalar, d n_vector)."""
         u, q = self._mfem.space(vector), self._mfem.space(scalar)
-        form = _mixed(u.vector, q.scalar, mfem.VectorDivergenceIntegrator(), self._rule(scalar + vector - 1))
+        factor = self._factor(weight)
+        form = _mixed(u.vector, q.scalar, mfem.VectorDivergenceIntegrator(*factor), self._rule(scalar + vector - 1))
         return renumbered(form, q.nodes, self._components(u.nodes))
 
     def boundary_mass(self, order: int, role: str) -> Sparse:
@@ -127,6 +131,10 @@ class MfemAssembler(Assembler):
         shape = mfem.Geometry.SEGMENT if self.mesh.dim == 2 else mfem.Geometry.TRIANGLE
         return mfem.IntRules.Get(shape, degree)
 
+    def _factor(self, weight: Array | None) -> tuple[Any, ...]:
+        """Arguments of an integrator, whose coefficient the caller must keep: none without a weight."""
+        return () if weight is None else (self._mfem.constants(weight),)
+
     def _components(self, nodes: IntArray) -> IntArray:
         """Canonical dof of each of MFEM's vector dofs."""
         return np.concatenate([axis * len(nodes) + nodes for axis in range(self.mesh.dim)])
@@ -143,15 +151,18 @@ class MfemAssembler(Assembler):
         nodes = self._mfem.space(order).nodes
         return renumbered(self._form(order, integrator, degree), nodes, nodes)
 
-    def _second(self, order: int) -> tuple[Pattern, Callable[[int, int], Array]]:
+    def _second(self, order: int, weight: Array | None) -> tuple[Pattern, Callable[[int, int], Array]]:
         """Pattern of the forms D_ij = ∫ ∂_i a ∂_j b, a the test function, and a function of (i, j) for their values."""
         known: dict[tuple[int, int], Array] = {}
+        factor = self._factor(weight)
         for i in range(self.mesh.dim):
             for j in range(i, self.mesh.dim):
                 tensor = mfem.DenseMatrix(self.mesh.dim, self.mesh.dim)
                 tensor.Assign(0.0)
                 tensor[i, j] = 1.0
-                coefficient = mfem.MatrixConstantCoefficient(tensor)
+                coefficient = constant = mfem.MatrixConstantCoefficient(tensor)
+                if factor:
+                    coefficient = mfem.ScalarMatrixProductCoefficient(*factor, constant)
                 form = self._form(order, mfem.DiffusionIntegrator(coefficient), 2 * (order - 1))
                 if order not in self._patterns:
                     self._patterns[order] = Pattern(form, self._mfem.space(order).nodes)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dacore.core.arrays import IntArray
+from dacore.core.arrays import Array, IntArray
 from dacore.core.mesh import Mesh
 from dacore.errors import PluginError
 from dacore_mfem.library import from_native, mfem, quiet
@@ -43,12 +43,22 @@ class MfemMesh:
         with quiet():
             finalize(1, 0, True)
         self._spaces: dict[int, Space] = {}
+        self._numbered = False
 
     def space(self, order: int) -> "Space":
         """Lagrange elements of order 1 or 2."""
         if order not in self._spaces:
             self._spaces[order] = Space(self.mesh, self.native, order)
         return self._spaces[order]
+
+    def constants(self, weight: Array) -> Any:
+        """MFEM's coefficient with a number (c,) for each cell. It must outlive the form that it is in."""
+        if not self._numbered:
+            # MFEM's constants belong to attributes, which start at one: give each cell its own.
+            count = np.arange(len(self.mesh.cells))
+            _call(self.native.SetAttribute, np.stack([count, count + 1], axis=1))
+            self._numbered = True
+        return mfem.PWConstCoefficient(mfem.Vector(np.array(weight, dtype=np.float64)))
 
     def marker(self, role: str) -> Any:
         """MFEM's marker of the boundary attributes that carry `role`."""

@@ -94,7 +94,7 @@ class CellIntegrals:
         return self._dofs[order]
 
     def chunks(
-        self, forms: Sequence[BilinearForm], trial: int, test: int, degree: int
+        self, forms: Sequence[BilinearForm], trial: int, test: int, degree: int, weight: Array | None = None
     ) -> Iterator[tuple[slice, list[Array]]]:
         """Cell matrices of several forms, some thousand cells at a time.
 
@@ -105,6 +105,8 @@ class CellIntegrals:
             Orders of the elements.
         degree : int
             Degree of the integrand's polynomial; the quadrature is exact for it.
+        weight : (c,) array, optional
+            Factor of each cell.
 
         Yields
         ------
@@ -116,7 +118,8 @@ class CellIntegrals:
         for start in range(0, total, CHUNK):
             part = slice(start, min(start + CHUNK, total))
             bases = {order: self._basis(order, part, degree) for order in {trial, test}}
-            yield part, [_local(form, bases[trial], bases[test]) for form in forms]
+            matrices = [_local(form, bases[trial], bases[test]) for form in forms]
+            yield part, matrices if weight is None else [matrix * weight[part] for matrix in matrices]
 
     def _basis(self, order: int, part: slice, degree: int) -> CellBasis:
         return CellBasis(
