@@ -1,0 +1,52 @@
+"""When data contradict an estimator: squares of what it leaves of them, against what right data leave.
+
+What a right case leaves over is noise, whose squares have a known distribution, and what the training set cannot
+represent, whose squares have none but are seen on trajectories held out. A statistic is scaled to the chi-squared
+distribution of the same mean and variance (Welch and Satterthwaite).
+"""
+
+import numpy as np
+
+from dacore.core.arrays import Array
+from dacore.core.misfit import Misfit
+
+LARGEST_FREEDOM = 1e9
+
+
+def matched(statistic: Array, mean: Array, variance: Array) -> Misfit:
+    """Scale a statistic (k,) of known mean and variance (k,) to one that is chi-squared distributed."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        freedom = np.minimum(2.0 * mean**2 / variance, LARGEST_FREEDOM)
+    return Misfit(statistic * freedom / mean, freedom)
+
+
+def of_steps(squares: Array, held_out: Array, count: Array, scale: Array, rounding: float) -> Misfit | None:
+    """Misfit of residuals that are weighed step by step.
+
+    Parameters
+    ----------
+    squares : (t, k) array
+        Squared residuals of data, in units of the prepared noise.
+    held_out : (t, K, k) array
+        The same of exact data of trajectories held out; in the last axis for the spaces used for each series.
+    count : (t, k) array
+        Number of residuals at each step that a fit leaves free.
+    scale : (k,) array
+        Standard deviation of the noise.
+    rounding : float
+        Squared residual that is no more than round-off.
+
+    Returns
+    -------
+    Misfit, or None where the fit leaves nothing over
+    """
+    if not (count.sum(axis=0) > 0).all():
+        return None
+    missed = held_out.mean(axis=1)
+    free = np.maximum(count, 1.0)
+    weight = np.where(count > 0, 1.0 / (scale**2 + np.maximum(missed, rounding) / free), 0.0)
+    statistic = (weight * squares).sum(axis=0)
+    mean = (weight * (count * scale**2 + np.maximum(missed, rounding))).sum(axis=0)
+    noise = (weight**2 * (2.0 * count * scale**4 + 4.0 * scale**2 * missed)).sum(axis=0)
+    spread = np.einsum("tk,tjk->jk", weight, held_out).var(axis=0)
+    return matched(statistic, mean, noise + spread)
