@@ -43,10 +43,13 @@ class Oscillation:
     dim : int
     size : float [cm]
         The median of `cell_sizes`.
+    stiffness : (float, float)
+        The smallest and the largest factor of E anywhere.
     """
 
     dim: int
     size: float
+    stiffness: tuple[float, float] = (1.0, 1.0)
 
     def ratio(self, theta: dict[str, float], lag: float) -> float:
         """Left side over right side at parameters θ, with `lag` = 1/c [s]."""
@@ -57,7 +60,8 @@ class Oscillation:
     def __call__(self, parameters: ParameterSpace, lag: float) -> str:
         """Return the warning for the ranges of `parameters`, or nothing."""
         ends = product(*({parameters[name].low, parameters[name].high} for name in _MATERIAL))
-        ratios = [self.ratio(dict(zip(_MATERIAL, values, strict=True)), lag) for values in ends]
+        at = [dict(zip(_MATERIAL, values, strict=True)) for values in ends]
+        ratios = [self.ratio(theta | {"E": theta["E"] * s}, lag) for theta in at for s in set(self.stiffness)]
         if min(ratios) >= 1:
             return ""
         least, most = f"{min(ratios):.1g}", f"{max(ratios):.1g}"

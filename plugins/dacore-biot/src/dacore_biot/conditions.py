@@ -84,6 +84,7 @@ def poroelastic(
     loads: Sequence[Load],
     inertia: bool = True,
     stabilization: Stabilization = "none",
+    stiffness: Array | None = None,
 ) -> AffineModel:
     """Build the model of a body under conditions of any kind.
 
@@ -103,12 +104,14 @@ def poroelastic(
         Without it the motion is quasi-static: a sequence of equilibria, as classical consolidation has it.
     stabilization : {"none", "lumped", "projected"}
         A remedy of `dacore_biot.stabilization`.
+    stiffness : (c,) array, optional
+        Factor of E on each cell.
 
     Returns
     -------
     AffineModel
     """
-    terms = biot_terms(discretization, stabilization)
+    terms = biot_terms(discretization, stabilization, stiffness)
     n, mesh = discretization.layout.n_dofs, discretization.mesh
     u, p = discretization.layout.block(DISPLACEMENT), discretization.layout.block(PRESSURE)
     pressed = coo_array(sum(discretization.boundary_coupling(PRESSURE, DISPLACEMENT, role) for role in mesh.roles))

@@ -18,6 +18,7 @@ from dacore.dynamics.profiles import Constant, Sine, SmoothRamp
 from dacore.errors import MeshError, ShapeError
 from dacore_biot import material
 from dacore_biot.cautions import Oscillation, cell_sizes, locking
+from dacore_biot.inclusions import Inclusion, stiffness_factors
 from dacore_biot.operators import DISPLACEMENT, PRESSURE, Stabilization, biot_fields, biot_terms
 
 NeckPressure = Literal["none", "csf"]
@@ -72,6 +73,8 @@ class Biot(Physics):
         Displacement [cm] of the whole neck, constant in time: a wrong boundary condition to study.
     neck_direction : tuple of float
         Components of u at the neck for each cm of `neck_displacement`; empty: 1 for every component.
+    inclusions : tuple of Inclusion
+        Balls of another stiffness than the rest; where they overlap the last one counts.
     rollers : mapping of str to tuple of int
         Components of u that are zero on other roles, or on `mre`: a plane of symmetry or a smooth wall across
         an axis. On a role that is none of the three the flux is zero.
@@ -104,6 +107,7 @@ class Biot(Physics):
     pressure_on_neck: NeckPressure = "none"
     neck_displacement: float = 0.0
     neck_direction: tuple[float, ...] = ()
+    inclusions: tuple[Inclusion, ...] = ()
     rollers: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     neck: str = "neck"
     ventricles: str = "ventricles"
@@ -181,7 +185,8 @@ class Biot(Physics):
         if self.neck_direction and len(self.neck_direction) != mesh.dim:
             raise ShapeError(f"neck_direction: got {len(self.neck_direction)} numbers, expected {mesh.dim}")
         discretization = discretize(biot_fields(mesh.dim, self.displacement_order))
-        terms = biot_terms(discretization, self.stabilization)
+        stiffness = stiffness_factors(mesh, self.inclusions)
+        terms = biot_terms(discretization, self.stabilization, stiffness)
         held = self._held(discretization)
         constrained = np.logical_or.reduce([*held.values(), self._on_rollers(discretization)])
         return AffineModel(
@@ -193,13 +198,14 @@ class Biot(Physics):
             self._loads(discretization, held),
             constrained=constrained,
             antisymmetric=terms.flow,
-            cautions=self._cautions(mesh),
+            cautions=self._cautions(mesh, stiffness),
         )
 
-    def _cautions(self, mesh: Mesh) -> tuple[Caution, ...]:
+    def _cautions(self, mesh: Mesh, stiffness: Array | None) -> tuple[Caution, ...]:
         if self.displacement_order == 2:
             return ()
-        oscillation = Oscillation(mesh.dim, float(np.median(cell_sizes(mesh))))
+        extremes = (1.0, 1.0) if stiffness is None else (float(stiffness.min()), float(stiffness.max()))
+        oscillation = Oscillation(mesh.dim, float(np.median(cell_sizes(mesh))), extremes)
         return (oscillation, locking) if self.stabilization == "none" else (locking,)
 
     def _check_roles(self, mesh: Mesh) -> None:

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from scipy.sparse import block_diag, csr_array
 
-from dacore.core.arrays import BoolArray, Sparse
+from dacore.core.arrays import Array, BoolArray, Sparse
 from dacore.core.discretization import Discretization
 from dacore.core.fields import Field
 from dacore.core.model import AffineTerm, Coefficient
@@ -52,7 +52,9 @@ class BiotTerms:
     flow: BoolArray
 
 
-def biot_terms(discretization: Discretization, stabilization: Stabilization = "none") -> BiotTerms:
+def biot_terms(
+    discretization: Discretization, stabilization: Stabilization = "none", stiffness: Array | None = None
+) -> BiotTerms:
     """Assemble the matrices once for a mesh.
 
     Parameters
@@ -61,6 +63,8 @@ def biot_terms(discretization: Discretization, stabilization: Stabilization = "n
         Of the fields of `biot_fields`.
     stabilization : {"none", "lumped", "projected"}
         A remedy of `dacore_biot.stabilization`; "none" for the seven matrices alone.
+    stiffness : (c,) array, optional
+        Factor of E on each cell; what has E in its denominator is divided by it.
 
     Returns
     -------
@@ -69,8 +73,9 @@ def biot_terms(discretization: Discretization, stabilization: Stabilization = "n
     Raises
     ------
     ShapeError
-        If the stabilization does not go with the order of u.
+        If the stabilization does not go with the order of u, or a factor is not positive.
     """
+    softness = None if stiffness is None else _inverse(stiffness)
     layout = discretization.layout
     n, u, p = layout.n_dofs, layout.block(DISPLACEMENT), layout.block(PRESSURE)
     flow = np.zeros(n, dtype=bool)
@@ -80,10 +85,10 @@ def biot_terms(discretization: Discretization, stabilization: Stabilization = "n
         return AffineTerm(name, _place(matrix, rows, columns, n), coefficient)
 
     storage = [
-        term("storage", material.storage, discretization.scalar_mass(PRESSURE), p, p),
+        term("storage", material.storage, discretization.scalar_mass(PRESSURE, softness), p, p),
         term("swelling", material.alpha, discretization.divergence_coupling(DISPLACEMENT, PRESSURE), p, u),
     ]
-    for name, coefficient, matrix in _remedy(discretization, stabilization):
+    for name, coefficient, matrix in _remedy(discretization, stabilization, softness):
         storage.append(term(name, coefficient, matrix, p, p))
     components = layout.field(DISPLACEMENT).components
     inertia = csr_array(block_diag([discretization.scalar_mass(DISPLACEMENT)] * components, format="csr"))
@@ -91,8 +96,8 @@ def biot_terms(discretization: Discretization, stabilization: Stabilization = "n
         second_order=(term("inertia", material.density, inertia, u, u),),
         first_order=tuple(storage),
         zeroth_order=(
-            term("shear", material.twice_shear, discretization.strain(DISPLACEMENT), u, u),
-            term("dilation", material.lame, discretization.divergence(DISPLACEMENT), u, u),
+            term("shear", material.twice_shear, discretization.strain(DISPLACEMENT, stiffness), u, u),
+            term("dilation", material.lame, discretization.divergence(DISPLACEMENT, stiffness), u, u),
             term("pressure gradient", material.alpha, discretization.gradient_coupling(PRESSURE, DISPLACEMENT), u, p),
             term("seepage", material.mobility, discretization.scalar_stiffness(PRESSURE), p, p),
         ),
@@ -100,7 +105,15 @@ def biot_terms(discretization: Discretization, stabilization: Stabilization = "n
     )
 
 
-def _remedy(discretization: Discretization, stabilization: Stabilization) -> list[tuple[str, Coefficient, Sparse]]:
+def _inverse(stiffness: Array) -> Array:
+    if not (stiffness > 0).all():
+        raise ShapeError(f"stiffness: got {stiffness.min():g} on a cell, expected positive factors of E")
+    return np.asarray(1.0 / stiffness)
+
+
+def _remedy(
+    discretization: Discretization, stabilization: Stabilization, softness: Array | None
+) -> list[tuple[str, Coefficient, Sparse]]:
     """Return name, coefficient and matrix (n_p, n_p) of each term of the stabilization."""
     equal = discretization.layout.field(DISPLACEMENT).order == 1
     if stabilization == "none":
@@ -110,9 +123,9 @@ def _remedy(discretization: Discretization, stabilization: Stabilization) -> lis
             raise ShapeError(
                 "stabilization: got 'projected' with u of order 2, which needs none; expected 'none' or 'lumped'"
             )
-        return [("stabilization", material.confined_swelling, projected_gradients(discretization.mesh))]
-    mass = discretization.scalar_mass(PRESSURE)
-    seen = cell_mean_mass(discretization.mesh) if equal else mass
+        return [("stabilization", material.confined_swelling, projected_gradients(discretization.mesh, softness))]
+    mass = discretization.scalar_mass(PRESSURE, softness)
+    seen = cell_mean_mass(discretization.mesh, softness) if equal else mass
     return [
         ("stabilization", material.confined_swelling, less_than_lumped(mass, seen)),
         ("lumping", material.storage, less_than_lumped(mass, mass)),

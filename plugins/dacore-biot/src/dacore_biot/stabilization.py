@@ -36,16 +36,16 @@ def less_than_lumped(mass: Sparse, seen: Sparse) -> Sparse:
     return csr_array(_diagonal(np.asarray(mass.sum(axis=1)).ravel()) - seen)
 
 
-def cell_mean_mass(mesh: Mesh) -> Sparse:
-    """∫ Π₀p Π₀q for elements of order 1, Π₀ the mean over a cell: (n_nodes, n_nodes)."""
+def cell_mean_mass(mesh: Mesh, weight: Array | None = None) -> Sparse:
+    """∫ Π₀p Π₀q for elements of order 1, Π₀ the mean over a cell, times a weight (c,): (n_nodes, n_nodes)."""
     start = np.arange(len(mesh.cells) + 1) * (mesh.dim + 1)
     shares = np.full(mesh.cells.size, 1.0 / (mesh.dim + 1))
     means = csr_array((shares, mesh.cells.ravel(), start), shape=(len(mesh.cells), len(mesh.points)))
-    return csr_array(means.T @ (_diagonal(mesh.volumes) @ means))
+    return csr_array(means.T @ (_diagonal(_volumes(mesh, weight)) @ means))
 
 
-def projected_gradients(mesh: Mesh) -> Sparse:
-    """Σ_K ∫_K (∇p − Π∇p)·C_K ∇q for elements of order 1: (n_nodes, n_nodes).
+def projected_gradients(mesh: Mesh, weight: Array | None = None) -> Sparse:
+    """Σ_K ∫_K (∇p − Π∇p)·C_K ∇q for elements of order 1, C_K times a weight (c,): (n_nodes, n_nodes).
 
     With V the lumped mass of vectors weighted by C_K and G the gradient coupling so weighted it is
     ``K − Gᵀ V⁻¹ G``, not negative since lumping makes a mass of order 1 larger.
@@ -53,7 +53,7 @@ def projected_gradients(mesh: Mesh) -> Sparse:
     cells, n, dim = mesh.cells, len(mesh.points), mesh.dim
     gradients = barycentric_gradients(mesh.points, cells)[0]
     corners = mesh.points[cells] - mesh.points[cells].mean(axis=1, keepdims=True)
-    weights = np.einsum("c,cki,ckj->cij", mesh.volumes / (dim + 1), corners, corners)  # |K| C_K
+    weights = np.einsum("c,cki,ckj->cij", _volumes(mesh, weight) / (dim + 1), corners, corners)  # |K| C_K
     weighted = np.einsum("cij,cbj->cib", weights, gradients)
     stiffness = _gather(np.einsum("cai,cib->cab", gradients, weighted), cells, cells, (n, n))
     # A node's share of the cell is the same for all its corners.
@@ -70,6 +70,10 @@ def projected_gradients(mesh: Mesh) -> Sparse:
     inverse = csr_array(bsr_array((np.linalg.inv(lumped), np.arange(n), np.arange(n + 1)), shape=(n * dim,) * 2))
     smooth = csr_array(coupling.T @ (inverse @ coupling))
     return csr_array(stiffness - 0.5 * (smooth + smooth.T))
+
+
+def _volumes(mesh: Mesh, weight: Array | None) -> Array:
+    return mesh.volumes if weight is None else mesh.volumes * weight
 
 
 def _gather(values: Array, rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> Sparse:
