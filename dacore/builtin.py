@@ -23,6 +23,11 @@ def dacore_estimators() -> list[PluginSpec]:
             "dacore.estimators.minimum_variance:MinimumVariance",
             summary="linear minimum variance with the training set's covariance, per step or over the cycle",
         ),
+        PluginSpec(
+            "posterior",
+            "dacore.estimators.posterior:Posterior",
+            summary="state and parameters together: Bayesian posterior through the reduced model",
+        ),
     ]
 
 

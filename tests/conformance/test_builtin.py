@@ -11,6 +11,7 @@ from dacore.domains.box import Box
 from dacore.domains.file import MeshFile
 from dacore.estimators.minimum_variance import MinimumVariance
 from dacore.estimators.pbdw import PBDW
+from dacore.estimators.posterior import Posterior
 from dacore.plugins.registry import load
 from dacore.testing import (
     domain_suite,
@@ -39,6 +40,9 @@ test_pbdw_as_published = estimator_suite(
     PBDW(n=4, weights={"p": 0.1}, spaces="cycle", centring="none", tails="training")
 ).as_test()
 test_pbdw_without_correction = estimator_suite(PBDW(n=4, weights="balanced", correction=False)).as_test()
+
+test_posterior = estimator_suite(Posterior(points=512), affine=False, deviations=True, forward=True).as_test()
+test_posterior_by_laplace = estimator_suite(Posterior("laplace"), affine=False, deviations=True, forward=True).as_test()
 
 test_box = domain_suite(Box(divisions=(3, 2, 2))).as_test()
 test_ball = domain_suite(Ball()).as_test()

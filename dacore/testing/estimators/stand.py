@@ -11,7 +11,7 @@ from dacore.core.background import Background
 from dacore.core.estimator import Estimate, Estimator, PreparedEstimator
 from dacore.core.noise import CorrelatedNoise, NoiseModel, SensorNoise, WhiteNoise
 from dacore.core.observation import Functionals
-from dacore.testing.backgrounds import Population, functionals_of, random_functionals
+from dacore.testing.backgrounds import ParametricPopulation, Population, functionals_of, random_functionals
 from dacore.testing.spaces import Chain
 from dacore.testing.suite import require
 
@@ -27,12 +27,15 @@ class Bench:
         Whether it claims that estimates are affine in the data.
     deviations : bool
         Whether it claims that standard deviations hold on unseen cases.
+    forward : bool
+        Whether it needs a background that knows the map from parameters to trajectories.
     seed : int
     """
 
     estimator: Estimator
     affine: bool = True
     deviations: bool = False
+    forward: bool = False
     seed: int = 0
     m: int = field(default=16, repr=False)
     steps: int = field(default=5, repr=False)
@@ -50,7 +53,8 @@ class Bench:
     @cached_property
     def population(self) -> Population:
         """Where training and truth are drawn from."""
-        return Population(np.random.default_rng(self.seed), self.space, self.steps)
+        kind = ParametricPopulation if self.forward else Population
+        return kind(np.random.default_rng(self.seed), self.space, self.steps)
 
     @cached_property
     def background(self) -> Background:

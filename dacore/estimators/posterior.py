@@ -1,0 +1,311 @@
+"""State and parameters together: the posterior of a model's parameters, and of the states that follow from them.
+
+The prior is what the ranges of the parameters say. A background with a forward map (reduced training) is emulated
+once (`dacore.estimators.posterior_emulator`); then a series takes milliseconds: its most probable parameters from
+several starts, and either the Gaussian about them or a few thousand weighted points. The estimate of the state is the
+posterior's mean, which has the least mean-square error of all estimates.
+"""
+
+import logging
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from dacore.core.arrays import Array, BoolArray, IntArray
+from dacore.core.background import Background
+from dacore.core.estimator import (
+    Estimate,
+    Estimator,
+    ParameterEstimate,
+    PreparedEstimator,
+    Uncertainty,
+    check_data,
+    check_mask,
+    check_scale,
+    observed_steps,
+)
+from dacore.core.misfit import Misfit
+from dacore.core.noise import NoiseModel
+from dacore.core.observation import Functionals
+from dacore.errors import ShapeError
+from dacore.estimators.plausible import Plausibility
+from dacore.estimators.posterior_data import Compressed, Observed, model_errors
+from dacore.estimators.posterior_emulator import Emulator, emulate
+from dacore.estimators.posterior_modes import Gaussian, search, starts
+from dacore.estimators.posterior_sampling import Cloud, sample, uniform_points
+from dacore.estimators.posterior_uncertainty import ForwardErrors, LaplaceUncertainty, SampledUncertainty
+
+logger = logging.getLogger(__name__)
+
+# Series at a time: their derivatives take some tens of MB.
+_CHUNK = 256
+# What directions of the data left out may hold of the training set's squared distances, in units of noise.
+_UNSEEN = 1e-3
+# A mode counts beside the best where its density is not below exp(−8) of it, so many deviations away.
+_COMPETES, _DISTINCT = 8.0, 4.0
+# Fewer effective points are worth a warning.
+_FEW = 50
+# Places in the box that may be starts, and how many times as many starts a series gets that nothing fits.
+_PLACES, _AGAIN = 1024, 8
+
+
+@dataclass(frozen=True)
+class Posterior(Estimator):
+    """Settings of the estimate of state and parameters.
+
+    Parameters
+    ----------
+    posterior : {"sampled", "laplace"}
+        Mean and quantiles of weighted points, right for posteriors of any shape; or the Gaussian about the most
+        probable parameters, many times faster and as good where data determine all parameters well.
+    points : int
+        Weighted points of a series.
+    starts : int
+        Places from which the most probable parameters are sought, the best of the training samples and of a
+        thousand others; more where none leads to parameters that fit.
+    tolerance : float
+        Where the emulation of the forward map stops: the largest term that may be left, relative to what the
+        training set varies.
+    solves : int
+        Nodes of the emulation at most; each takes one trajectory of the forward map, and one more for each
+        parameter that trajectories are affine in.
+    """
+
+    posterior: Literal["sampled", "laplace"] = "sampled"
+    points: int = 2048
+    starts: int = 4
+    tolerance: float = 3e-3
+    solves: int = 1000
+
+    def __post_init__(self) -> None:
+        for name, least in (("points", 64), ("starts", 1), ("solves", 1)):
+            if getattr(self, name) < least:
+                raise ShapeError(f"{name}: got {getattr(self, name)}, expected at least {least}")
+        if not 0 < self.tolerance < 1:
+            raise ShapeError(f"tolerance: got {self.tolerance}, expected a number between 0 and 1")
+
+    def prepare(
+        self, background: Background, functionals: Functionals, noise: NoiseModel, steps: IntArray | None = None
+    ) -> "PreparedPosterior":
+        """Emulate the forward map and compress what is measured of it."""
+        chosen = observed_steps(background, steps)
+        emulator = emulate(background, self.tolerance, self.solves)
+        return PreparedPosterior(self, background, functionals, noise, chosen, emulator)
+
+
+@dataclass(frozen=True, eq=False)
+class _Modes:
+    """Most probable coordinates of k series, and those that compete with them."""
+
+    x: Array
+    covariance: Array
+    parts: list[list[tuple[Array, Array, float]]]
+
+
+class PreparedPosterior(PreparedEstimator):
+    """The posterior with everything done that does not depend on data."""
+
+    def __init__(
+        self,
+        settings: Posterior,
+        background: Background,
+        functionals: Functionals,
+        noise: NoiseModel,
+        steps: IntArray,
+        emulator: Emulator,
+        mask: BoolArray | None = None,
+    ) -> None:
+        self.settings, self.background, self.functionals, self.noise = settings, background, functionals, noise
+        self.steps, self.emulator = steps, emulator
+        keep = np.ones(functionals.count, dtype=bool) if mask is None else mask
+        self.observed = Observed(emulator, background, functionals, noise, steps, keep)
+        self.coordinates = emulator.coordinates
+        self.prior = Gaussian(*self.coordinates.prior_of_coordinates)
+        anywhere = 2.0 * uniform_points(_PLACES, len(self.coordinates.free)) - 1.0
+        self.places = np.concatenate([np.clip(emulator.training, -1.0, 1.0), anywhere])
+        self.errors = ForwardErrors(emulator, model_errors(emulator, background))
+        seen = background.observe(functionals.matrix)[keep]
+        self._plausibility = Plausibility(seen, background.coefficients[:, steps], self.observed.noise)
+
+    @property
+    def inf_sup(self) -> Array:
+        """NaN (t,): the prior, not a stability constant, bounds the error."""
+        return np.full(len(self.steps), np.nan)
+
+    def estimate(self, data: Array, noise_scale: Array | float = 1.0, mask: BoolArray | None = None) -> Estimate:
+        """Estimate parameters, and states at all times of the background, observed or not."""
+        flags = check_mask(mask, self.functionals.count)
+        raw = check_data(data, self.functionals.count, len(self.steps), flags)
+        k = raw.shape[2]
+        scale = check_scale(noise_scale, k)
+        if flags is not None:
+            again = PreparedPosterior(
+                self.settings, self.background, self.functionals, self.noise, self.steps, self.emulator, flags
+            )
+            return again.estimate(raw, scale)
+        self._plausibility.check(raw[self.observed.keep], scale)
+        compressed = self.observed.compress(raw)
+        p, q = len(self.coordinates.free), self.emulator.q
+        states = np.empty((q, k))
+        found = _Found(np.empty((k, p)), np.empty((k, p, p)), np.empty(k), [], [])
+        several = 0
+        for first in range(0, k, _CHUNK):
+            part = slice(first, min(first + _CHUNK, k))
+            several += self._estimate(compressed, scale, part, states, found)
+        if several:
+            logger.warning(
+                "posterior: %d of %d series have more than one set of parameters that fits; read quantiles, not "
+                "deviations", several, k,
+            )  # fmt: skip
+        statistic = found.statistic + compressed.rest / (scale**2 + self.observed.outside)
+        return Estimate(
+            self.background,
+            np.arange(len(self.background.times)),
+            self.emulator.lift(states),
+            uncertainty=self._uncertainty(found),
+            misfit=Misfit(statistic, np.full(k, float(max(self.observed.count - p, 1)))),
+            parameters=ParameterEstimate(
+                self.coordinates.names, found.values.T, found.covariance, self.coordinates.prior
+            ),
+        )
+
+    def _uncertainty(self, found: "_Found") -> Uncertainty:
+        p, q = len(self.coordinates.free), self.emulator.q
+        if self.settings.posterior == "laplace":
+            return LaplaceUncertainty(self.errors, np.concatenate([np.zeros((0, q, p)), *found.anomalies]))
+        points = [cloud.points for cloud in found.clouds]
+        weights = [cloud.weights for cloud in found.clouds]
+        n = self.settings.points
+        return SampledUncertainty(
+            self.errors, np.array(points).reshape(-1, n, p), np.array(weights).reshape(-1, n)
+        )  # fmt: skip
+
+    def _estimate(self, compressed: Compressed, scale: Array, part: slice, states: Array, found: "_Found") -> int:
+        """Fill in what is found of some series; returns how many have several modes."""
+        variance = self.observed.variance(scale[part])
+        values = compressed.values[part]
+        use, left = self._directions(values, variance)
+        variance = np.where(use, variance, np.inf)
+        some = use.any(axis=0)
+        values, variance, blocks = values[:, some], variance[:, some], self.observed.blocks[:, :, some]
+        modes = self._modes(values, variance, blocks)
+        best = self.emulator.values(modes.x, blocks)
+        found.statistic[part] = ((values - best) ** 2 / variance).sum(axis=1) + left
+        if self.settings.posterior == "laplace":
+            self._laplace(modes, part, states, found)
+        else:
+            self._sample(modes, values, variance, blocks, part, states, found)
+        return sum(len(parts) > 1 for parts in modes.parts)
+
+    def _directions(self, values: Array, variance: Array) -> tuple[BoolArray, Array]:
+        """Compressed directions (k, d) that tell parameters apart, and the squares (k,) of what is left of the others.
+
+        Series by series, so that no estimate depends on what else is estimated with it.
+        """
+        training = self.observed.training
+        mean = training.mean(axis=0)
+        told = ((training - mean) ** 2).max(axis=0) / variance
+        order = told.argsort(axis=1)
+        use = np.empty(told.shape, dtype=bool)
+        small = np.cumsum(np.take_along_axis(told, order, axis=1), axis=1) <= _UNSEEN
+        np.put_along_axis(use, order, ~small, axis=1)
+        left = np.where(use, 0.0, (values - mean) ** 2 / variance).sum(axis=1)
+        return use, left
+
+    def _modes(self, values: Array, variance: Array, blocks: Array) -> _Modes:
+        k, p, count = len(values), len(self.coordinates.free), self.settings.starts
+        expected = self.emulator.values(self.places, blocks)
+        x, cost, precision = self._search(values, variance, blocks, expected, count)
+        best = cost.min(axis=1)
+        # Twice the best cost is a sum of squares; what nothing fits may have a better mode elsewhere.
+        used = np.isfinite(variance).sum(axis=1)
+        doubtful = np.flatnonzero(2 * best > used + p + 5.0 * np.sqrt(2.0 * used))
+        for_each: list[tuple[Array, Array, Array]] = list(zip(x, cost, precision, strict=True))
+        if len(doubtful):
+            more = self._search(values[doubtful], variance[doubtful], blocks, expected, _AGAIN * count)
+            for number, again in zip(doubtful, zip(*more, strict=True), strict=True):
+                for_each[number] = again
+        found = np.empty((k, p)), np.empty((k, p, p))
+        parts = []
+        for j, (places, costs, precisions) in enumerate(for_each):
+            winner = costs.argmin()
+            covariances = np.asarray(np.linalg.inv(precisions), dtype=np.float64)
+            found[0][j], found[1][j] = places[winner], covariances[winner]
+            parts.append(_competing(places, costs, precisions, covariances))
+        return _Modes(*found, parts)
+
+    def _search(
+        self, values: Array, variance: Array, blocks: Array, expected: Array, count: int
+    ) -> tuple[Array, Array, Array]:
+        """Ends (k, count, p) of searches from `count` starts, their costs (k, count) and precisions."""
+        k, p = len(values), len(self.coordinates.free)
+        begin = starts(values, variance, expected, self.places, count).reshape(-1, p)
+        root, owner = np.sqrt(variance), np.repeat(np.arange(k), count)
+
+        def residuals(x: Array, rows: IntArray) -> tuple[Array, Array]:
+            value, slopes = self.emulator.slopes(x, blocks)
+            mine = root[owner[rows]]
+            return (value - values[owner[rows]]) / mine, slopes / mine[:, :, None]
+
+        x, cost, precision = search(residuals, self.prior, begin)
+        return x.reshape(k, count, p), cost.reshape(k, count), precision.reshape(k, count, p, p)
+
+    def _laplace(self, modes: _Modes, part: slice, states: Array, found: "_Found") -> None:
+        value, slopes = self.emulator.slopes(modes.x, self.emulator.blocks())
+        states[:, part] = value.T
+        root = np.linalg.cholesky(modes.covariance)
+        found.anomalies.append(slopes @ root)
+        found.values[part] = self.coordinates.values(modes.x)
+        turned = self.coordinates.slopes(modes.x)[:, :, None] * root
+        found.covariance[part] = turned @ turned.swapaxes(1, 2)
+
+    def _sample(
+        self, modes: _Modes, values: Array, variance: Array, blocks: Array, part: slice, states: Array, found: "_Found"
+    ) -> None:
+        emulator, coordinates = self.emulator, self.coordinates
+        every = emulator.blocks()
+        poor = 0
+        for series, (value, spread, parts) in enumerate(zip(values, variance, modes.parts, strict=True), part.start):
+            scaled, mine = blocks / np.sqrt(spread), value / np.sqrt(spread)
+
+            def log_density(x: Array, scaled: Array = scaled, mine: Array = mine) -> Array:
+                misses = emulator.values(x, scaled) - mine
+                return np.asarray(coordinates.log_prior(x) - 0.5 * np.einsum("kd,kd->k", misses, misses))
+
+            cloud = sample(log_density, parts, self.settings.points)
+            poor += cloud.effective < _FEW
+            states[:, series] = emulator.mean_values(cloud.points, cloud.weights, every)
+            physical = Cloud(coordinates.values(cloud.points), cloud.weights)
+            found.values[series], found.covariance[series] = physical.moments
+            found.clouds.append(cloud)
+        if poor:
+            logger.warning(
+                "posterior: %d of %d series have fewer than %d effective points; raise points", poor, len(values), _FEW
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Parameters of k series, their covariances, misfits, and what the uncertainty of states is made of."""
+
+    values: Array
+    covariance: Array
+    statistic: Array
+    anomalies: list[Array]
+    clouds: list[Cloud]
+
+
+def _competing(x: Array, cost: Array, precision: Array, covariance: Array) -> list[tuple[Array, Array, float]]:
+    """Distinct modes (mean, covariance, share) among the ends of several searches."""
+    chosen: list[int] = []
+    for j in cost.argsort():
+        if cost[j] > cost.min() + _COMPETES:
+            break
+        away = [x[j] - x[other] for other in chosen]
+        if all(step @ precision[j] @ step > _DISTINCT**2 for step in away):
+            chosen.append(int(j))
+    mass = np.array([np.sqrt(np.linalg.det(covariance[j])) * np.exp(cost.min() - cost[j]) for j in chosen])
+    # None is left without points, however little it is believed.
+    share = 0.9 * mass / mass.sum() + 0.1 / len(chosen)
+    return [(x[j], covariance[j], float(portion)) for j, portion in zip(chosen, share, strict=True)]

@@ -1,0 +1,98 @@
+"""What is uncertain of states whose parameters are: anomalies of a Gaussian, or weighted points."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm
+
+from dacore.core.arrays import Array
+from dacore.core.estimator import Uncertainty
+from dacore.estimators.posterior_emulator import Emulator
+
+
+@dataclass(frozen=True, eq=False)
+class ForwardErrors:
+    """Errors of the forward map itself, which no data mend.
+
+    Parameters
+    ----------
+    emulator : Emulator
+        Knows what it misses of the training set.
+    assumed : (q,) array
+        Variances of the modes' coefficients, from the accuracy that the map states.
+    """
+
+    emulator: Emulator
+    assumed: Array
+
+    def variance(self, on_modes: Array, weights: Array) -> Array:
+        """Variance (s,) of functionals (s, t, r) of a trajectory, or (s, q) of its modes' coefficients."""
+        errors = self.emulator.errors
+        seen = np.einsum("str,rtk->sk", on_modes, errors, optimize=True)
+        return np.asarray((seen**2).mean(axis=1) + weights**2 @ self.assumed)
+
+
+class LaplaceUncertainty(Uncertainty):
+    """The Gaussian about the most probable parameters, carried to the states by their derivatives.
+
+    Parameters
+    ----------
+    errors : ForwardErrors
+    anomalies : (k, q, p) array
+        Derivatives of the modes' coefficients times a root of the parameters' covariance.
+    """
+
+    def __init__(self, errors: ForwardErrors, anomalies: Array) -> None:
+        self.errors, self.anomalies = errors, anomalies
+
+    def variance(self, on_modes: Array, on_correction: Array | None) -> Array:
+        """Variance (s, k) of linear functionals of the trajectory; there is no correction."""
+        weights, _ = self.errors.emulator.project(on_modes)
+        moved = np.einsum("sq,kqp->skp", weights, self.anomalies, optimize=True)
+        return np.asarray((moved**2).sum(axis=2) + self.errors.variance(on_modes, weights)[:, None])
+
+
+class SampledUncertainty(Uncertainty):
+    """Weighted points of the posterior, as trajectories when asked.
+
+    Parameters
+    ----------
+    errors : ForwardErrors
+    points : (k, n, p) array
+        Coordinates of the parameters.
+    weights : (k, n) array
+        Of sum one for each series.
+    """
+
+    def __init__(self, errors: ForwardErrors, points: Array, weights: Array) -> None:
+        self.errors, self.points, self.weights = errors, points, weights
+
+    def _values(self, weights: Array) -> list[Array]:
+        emulator = self.errors.emulator
+        blocks = emulator.blocks(weights)
+        return [emulator.values(points, blocks) for points in self.points]
+
+    def variance(self, on_modes: Array, on_correction: Array | None) -> Array:
+        """Variance (s, k) of linear functionals of the trajectory; there is no correction."""
+        weights, _ = self.errors.emulator.project(on_modes)
+        out = np.empty((len(on_modes), len(self.points)))
+        for series, (values, share) in enumerate(zip(self._values(weights), self.weights, strict=True)):
+            out[:, series] = share @ (values - share @ values) ** 2
+        return out + self.errors.variance(on_modes, weights)[:, None]
+
+    def quantile(self, centre: Array, level: float, on_modes: Array, on_correction: Array | None) -> Array:
+        """Quantiles (s, k) of the points, blurred by the forward map's own errors."""
+        weights, _ = self.errors.emulator.project(on_modes)
+        blur = np.sqrt(self.errors.variance(on_modes, weights))
+        n = self.points.shape[1]
+        # The same normal numbers for every series and quantity, in an order that has nothing to do with the points'.
+        normal = np.random.default_rng(21).permutation(norm.ppf((np.arange(n) + 0.5) / n))
+        out = np.empty((len(on_modes), len(self.points)))
+        for series, (values, share) in enumerate(zip(self._values(weights), self.weights, strict=True)):
+            away = values - share @ values + normal[:, None] * blur
+            order = away.argsort(axis=0)
+            for s, column in enumerate(order.T):
+                # Each point holds its weight about its own middle.
+                heights = np.cumsum(share[column]) - 0.5 * share[column]
+                out[s, series] = np.interp(level, heights, away[column, s])
+        return np.asarray(centre + out)
