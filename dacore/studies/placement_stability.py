@@ -44,8 +44,8 @@ class Seen:
 class Stability(Criterion[Seen]):
     """β_n of a background space, seen through the representers of the chosen functionals.
 
-    β_n is zero until there are as many functionals as modes. Until then a candidate's merit is the stability of the
-    leading modes, of as many as the smallest candidate left would bring the functionals to.
+    β_n is zero until there are as many functionals as modes. While no candidate brings that about, a candidate's
+    merit is the stability of the leading modes, of as many as the largest candidate left brings the functionals to.
 
     Parameters
     ----------
@@ -98,10 +98,10 @@ class Stability(Criterion[Seen]):
         """β of the leading modes with this candidate."""
         present = np.zeros(len(self._size), dtype=bool)
         present[state.left] = True
-        least = min(len(each) for each in self._candidates if present[each[0]])
+        most = max(len(each) for each in self._candidates if present[each[0]])
         inside, factor = self._orthonormal(state, candidate)
         cross = np.vstack([state.cross, factor.T @ state.observed[inside]])
-        return _smallest(cross, min(self.dimension, state.rank + least))
+        return _smallest(cross, min(self.dimension, state.rank + most))
 
     def _orthonormal(self, state: Seen, candidate: int) -> tuple[IntArray, Array]:
         """Places (c,) of a candidate among those left, and weights (c, q) that make its representers orthonormal."""

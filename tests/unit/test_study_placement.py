@@ -88,6 +88,15 @@ def test_stability_of_leading_modes_decides_until_there_are_as_many_functionals_
         state = criterion.add(state, {0: 2, 1: 0}.get(len(chosen), 1))
 
 
+def test_a_small_candidate_does_not_hide_that_a_large_one_sees_the_whole_space():
+    case = Case()
+    groups = groups_of(np.repeat(np.arange(4), [1, 5, 1, 5]))
+    criterion = stability_of(case.background, case.functionals, groups, 4, {"p": 2.0})
+    placed = place(criterion, 2)
+    assert placed.values[1] == placed.best[1] > 0
+    assert placed.choices[1] == (placed.order[0],)
+
+
 def test_a_repeated_or_almost_repeated_measurement_adds_nothing():
     rng = np.random.default_rng(2)
     observed, root = rng.standard_normal((4, 3)) / 10, rng.standard_normal((4, 4))
