@@ -111,7 +111,7 @@ class Projection:
         target: StateSpace,
         kind: Product = "l2",
         outside: Outside = "nearest",
-        hold: float = 1e-3,
+        hold: float = 1e-2,
     ) -> None:
         if not 0 <= hold < np.inf:
             raise ShapeError(f"hold: got {hold}, expected 0 or a positive number")

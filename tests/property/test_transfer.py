@@ -166,7 +166,7 @@ def test_what_no_coarse_state_can_have_is_measured():
     assert set(by_projection) == {"u", "p", "p less 1", "joint"}
     assert all(0.1 < by_projection[name] < by_nodes[name] for name in by_projection)
     held = unattainable(Projection(fine, coarse), down.basis, rough, meter)
-    assert held == pytest.approx(by_projection, rel=1e-5)
+    assert held == pytest.approx(by_projection, rel=1e-3)
 
 
 def test_functions_that_no_node_of_the_source_is_in_are_held_at_their_interpolation():
