@@ -61,6 +61,11 @@ def dacore_studies() -> list[PluginSpec]:
             summary="synthetic patients: who is told right, and whether claims are honest",
         ),
         PluginSpec(
+            "dimension",
+            "dacore.workflow.studies.dimension:Dimension",
+            summary="errors of PBDW against n, and the n that every rule takes",
+        ),
+        PluginSpec(
             "weights",
             "dacore.workflow.studies.weights:Weights",
             summary="stability and errors of PBDW against the weight between the fields",

@@ -34,14 +34,12 @@ from dacore.estimators.held_out import Linear, Sampled
 from dacore.estimators.metrics import Blended, Exact, Metric, NoiseWeighted, Pencil
 from dacore.estimators.plausible import Plausibility
 from dacore.estimators.projection import Projection
-from dacore.estimators.surprise import of_steps
+from dacore.estimators.surprise import of_steps, unlearned
 
 if TYPE_CHECKING:
-    from dacore.estimators.pbdw import PBDW
+    from dacore.estimators.pbdw import PBDW, Rule
 
 SMALLEST_INF_SUP = 1e-10
-# Squared residuals below this share of the data's squares are round-off.
-_ROUNDING = 1e-24
 
 
 class PreparedPBDW(PreparedEstimator):
@@ -179,6 +177,13 @@ class PreparedPBDW(PreparedEstimator):
         return PreparedPBDW(
             self.settings, self.background, self.functionals, self.noise, self.steps, self.offset, self.frames,
             self.riesz, self.weights, flags, self._folds, self.observed_modes,
+        )  # fmt: skip
+
+    def by(self, rule: "int | Rule") -> "PreparedPBDW":
+        """Return the same estimator with another dimension, or another rule for it."""
+        return PreparedPBDW(
+            replace(self.settings, n=rule), self.background, self.functionals, self.noise, self.steps, self.offset,
+            self.frames, self.riesz, self.weights, folds=self._folds, observed=self.observed_modes,
         )  # fmt: skip
 
     @cached_property
@@ -320,7 +325,7 @@ class PreparedPBDW(PreparedEstimator):
             usable = np.array([self._usable(beta) for beta in self.constants])
             used = np.tile(np.minimum(n, usable)[:, None], (1, len(scale))) if n else self._dimensions(squares, scale)
             ratios = self.ratios(used, scale, turned)
-            yield n, self._estimate(turned, used, ratios, scale, self._misfit(squares, used, scale, values))
+            yield n, self._estimate(turned, used, ratios, scale, self._misfit(squares, used, scale))
 
     def _estimate(self, turned: Array, used: IntArray, ratios: Array, scale: Array, misfit: Misfit | None) -> Estimate:
         coefficients, z = self.projection.fit(turned, used, ratios, self._corrects)
@@ -331,7 +336,11 @@ class PreparedPBDW(PreparedEstimator):
         uncertainty = Linear(self, used, ratios, scale) if self.settings.affine else Sampled(self, scale, used)
         return Estimate(self.background, self.steps, coefficients, correction, self.riesz, uncertainty, misfit)
 
-    def _misfit(self, squares: Array, used: IntArray, scale: Array, values: Array) -> Misfit | None:
+    @cached_property
+    def _unlearned(self) -> float:
+        return unlearned(self.background, self._seen, self._kept_noise)
+
+    def _misfit(self, squares: Array, used: IntArray, scale: Array) -> Misfit | None:
         """What V_n leaves of the data, against noise and what it leaves of trajectories held out."""
         if self.background.n_samples < 3:
             return None
@@ -339,8 +348,7 @@ class PreparedPBDW(PreparedEstimator):
         rows = used if len(used) > 1 else np.repeat(used, len(steps), axis=0)
         own = squares[rows, steps[:, None], np.arange(len(scale))]
         held = np.moveaxis(self._left[rows, steps[:, None]], 2, 1)
-        size = float((self._kept_noise.whiten(values) ** 2).sum(axis=0).max(initial=0.0))
-        return of_steps(own, held, np.maximum(len(self.keep) - rows, 0.0), scale, _ROUNDING * size or 1e-300)
+        return of_steps(own, held, np.maximum(len(self.keep) - rows, 0.0), scale, self._unlearned)
 
     def readout(self, quantity: QuantityOfInterest, noise_scale: float = 1.0, mask: BoolArray | None = None) -> Readout:
         """Take data straight to a quantity; CapabilityError for settings that are not affine in the data."""

@@ -222,6 +222,15 @@ class Judge:
         ]
         return Judged(tuple(outcomes), prepared.inf_sup, prepared.spaces())
 
+    def errors(self, estimate: Estimate) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Space–time errors (k,) of one estimate, and errors (s, k) of its quantities, without claims about either."""
+        found = _space_time(self._errors([estimate])[0])
+        values = {
+            name: estimate.quantity(quantity) - self._truth(name, quantity, estimate)
+            for name, quantity in self.quantities.items()
+        }
+        return found, values
+
     def prior(self, background: Background) -> Outcome:
         """Judge the guess of the training mean, which is the same at every noise level."""
         count = self.measured.data.shape[2]
@@ -271,10 +280,7 @@ class Judge:
         self, name: str, level: float, estimate: Estimate, seconds: float, table: Mapping[str, tuple[Array, Array]]
     ) -> Outcome:
         per_step = {label: self._at_steps(estimate, _ratio(above, below)) for label, (above, below) in table.items()}
-        space_time = {
-            label: _ratio(np.sqrt((above**2).sum(axis=0)), np.sqrt((below**2).sum(axis=0)))
-            for label, (above, below) in table.items()
-        }
+        space_time = _space_time(table)
         values = {}
         for title, quantity in self.quantities.items():
             found = estimate.quantity(quantity)
@@ -373,3 +379,11 @@ def validate(
 def _ratio(above: Array, below: Array) -> Array:
     """Relative error, NaN where there is nothing to be relative to."""
     return np.asarray(np.divide(above, below, out=np.full_like(above, np.nan), where=below > 0))
+
+
+def _space_time(table: Mapping[str, tuple[Array, Array]]) -> dict[str, Array]:
+    """Ratio (k,) of space–time norms for each label."""
+    return {
+        label: _ratio(np.sqrt((above**2).sum(axis=0)), np.sqrt((below**2).sum(axis=0)))
+        for label, (above, below) in table.items()
+    }

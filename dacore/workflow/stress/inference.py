@@ -18,7 +18,8 @@ from dacore.core.noise import WhiteNoise
 from dacore.core.observation import Functionals
 from dacore.core.space import StateSpace
 from dacore.estimators.minimum_variance import MinimumVariance, PreparedMinimumVariance
-from dacore.estimators.pbdw import PBDW, PreparedPBDW
+from dacore.estimators.pbdw import PBDW
+from dacore.estimators.prepared_pbdw import PreparedPBDW
 from dacore.workflow.stress.case import Outcome, conditioned
 from dacore.workflow.stress.context import Context
 from dacore.workflow.stress.reference import EPS, Extended, Long, dense_solve, least_squares, long
