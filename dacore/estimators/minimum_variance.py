@@ -6,7 +6,8 @@ observations N^(−½)LA = UΣVᵀ and noise of standard deviation s (in units o
 
     ω̂ = V diag(Σ/(Σ² + s²)) Uᵀ N^(−½)(l − L mean),    cov(ω | l) = I − V diag(Σ²/(Σ² + s²)) Vᵀ
 
-per time step, or once for the whole space–time trajectory.
+per time step, or once for the whole space–time trajectory. A trajectory that is observed at some of its times is
+estimated at all of them.
 """
 
 import logging
@@ -31,12 +32,15 @@ from dacore.core.estimator import (
     observed_steps,
     weights_of,
 )
-from dacore.core.noise import NoiseModel
+from dacore.core.noise import NoiseModel, SensorNoise, WhiteNoise
 from dacore.core.observation import Functionals
 from dacore.core.quantity import QuantityOfInterest
 from dacore.errors import ShapeError
+from dacore.estimators.anomalies import Factors, Fold, HeldOut, Posterior, along, innovation
 from dacore.estimators.frames import FOLDS, fold_masks
+from dacore.estimators.metrics import whiten_transpose
 from dacore.estimators.plausible import Plausibility
+from dacore.estimators.surprise import unlearned
 
 SMALLEST_FLOOR = 1e-12
 SMALLEST_VARIATION = 1e-13
@@ -52,7 +56,8 @@ class MinimumVariance(Estimator):
     Parameters
     ----------
     window : {"cycle", "step"}
-        Use the data of the whole trajectory at once, or each time step on its own.
+        Use the data of the whole trajectory at once and estimate all of its times, observed or not; or each
+        observed step on its own.
     floor : float or "held_out"
         What the training set cannot represent acts like noise even when the data are exact. Its standard
         deviation, relative to the largest singular value; or measured on training trajectories held out
@@ -83,7 +88,14 @@ class MinimumVariance(Estimator):
 
 
 class PreparedMinimumVariance(PreparedEstimator):
-    """Minimum variance with everything done that does not depend on data."""
+    """Minimum variance with everything done that does not depend on data.
+
+    Attributes
+    ----------
+    times : (T,) int array
+        Which of the background's times are estimated: all of them where the data of the whole trajectory are
+        used at once, the observed ones otherwise.
+    """
 
     def __init__(
         self,
@@ -93,31 +105,46 @@ class PreparedMinimumVariance(PreparedEstimator):
         noise: NoiseModel,
         steps: IntArray,
         mask: BoolArray | None = None,
+        whole: "PreparedMinimumVariance | None" = None,
     ) -> None:
         self.settings, self.background, self.functionals, self.noise = settings, background, functionals, noise
         self.steps = steps
-        training = background.coefficients[:, steps]
-        self.mean = training.mean(axis=2)
-        self.anomalies = (training - self.mean[:, :, None]) / np.sqrt(background.n_samples - 1)
-        # What is left of equal trajectories less their mean is rounding, and would be taken for a covariance.
-        if not float(np.linalg.norm(self.anomalies)) > SMALLEST_VARIATION * float(np.linalg.norm(training)):
-            raise ShapeError(
-                "training set: all trajectories are the same, so there is no covariance; train on more than one "
-                "sample, or give a parameter a range"
-            )
-        observed = background.observe(functionals.matrix)
-        self.expected = observed @ self.mean
+        self.times = np.arange(len(background.times)) if settings.window == "cycle" else steps
         self.keep = np.ones(functionals.count, dtype=bool) if mask is None else mask
         self._kept_noise = noise if mask is None else noise.marginal(mask)
-        self._plausibility = Plausibility(observed[self.keep], training, self._kept_noise)
-        windows = self._windows(self._kept_noise.whiten(np.tensordot(observed[self.keep], self.anomalies, axes=1)))
-        self.factors = [thin_svd(window) for window in windows]
+        if whole is None:
+            training = background.coefficients[:, self.times]
+            self.mean = training.mean(axis=2)
+            self.anomalies = (training - self.mean[:, :, None]) / np.sqrt(background.n_samples - 1)
+            # What is left of equal trajectories less their mean is rounding, and would be taken for a covariance.
+            if not float(np.linalg.norm(self.anomalies)) > SMALLEST_VARIATION * float(np.linalg.norm(training)):
+                raise ShapeError(
+                    "training set: all trajectories are the same, so there is no covariance; train on more than one "
+                    "sample, or give a parameter a range"
+                )
+            self.observed = background.observe(functionals.matrix)
+        else:
+            self.mean, self.anomalies, self.observed = whole.mean, whole.anomalies, whole.observed
+        self._seen_rows = steps if settings.window == "cycle" else np.arange(len(steps))
+        self.expected = self.observed @ self.mean[:, self._seen_rows]
+        self._plausibility = Plausibility(self.observed[self.keep], background.coefficients[:, steps], self._kept_noise)
+        self.factors = self._factors() if whole is None else self._without_masked(whole)
         # In the directions of all samples, of which there are few, groups of them are held out at little cost.
-        self._white = [s[:, None] * vt for _, s, vt in self.factors]
+        self._white = [each.s[:, None] * each.vt for each in self.factors]
         self.floors = [
-            self._floor(white, s[0], window.size)
-            for white, window, (_, s, _) in zip(self._white, windows, self.factors, strict=True)
+            self._floor(white, float(each.s[0]), each.size)
+            for white, each in zip(self._white, self.factors, strict=True)
         ]
+
+    def _factors(self) -> list[Factors]:
+        seen = np.tensordot(self.observed[self.keep], self.anomalies[:, self._seen_rows], axes=1)
+        return [Factors.of(window) for window in self._windows(self._kept_noise.whiten(seen))]
+
+    def _without_masked(self, whole: "PreparedMinimumVariance") -> list[Factors]:
+        if not isinstance(self.noise, WhiteNoise | SensorNoise):
+            return self._factors()
+        rows = np.repeat(self.keep, len(self.steps)) if self.settings.window == "cycle" else self.keep
+        return [each.of_rows(rows) for each in whole.factors]
 
     def _windows(self, white: Array) -> list[Array]:
         """Whitened values (m, t, k) in groups that are used together: (m · t, k), or t of (m, k)."""
@@ -126,7 +153,12 @@ class PreparedMinimumVariance(PreparedEstimator):
         return list(white.swapaxes(0, 1))
 
     @cached_property
-    def held_out(self) -> list["_Fold"]:
+    def unlearned(self) -> float:
+        """Mean square, over data in units of the noise, of what the training set says that it leaves out."""
+        return unlearned(self.background, self.observed[self.keep], self._kept_noise)
+
+    @cached_property
+    def held_out(self) -> list[Fold]:
         """The same estimate without some trajectories, and what it makes of their exact data."""
         count = self.background.n_samples
         folds = []
@@ -139,7 +171,7 @@ class PreparedMinimumVariance(PreparedEstimator):
                 middle = window[:, ~mask].mean(axis=1, keepdims=True)
                 u, s, vt = thin_svd((window[:, ~mask] - middle) * _unit(count, others))
                 factors.append((s, vt, u.T @ (window[:, mask] - middle)))
-            folds.append(_Fold(mask, (anomalies - mean[:, :, None]) * _unit(count, others), mean, factors))
+            folds.append(Fold(mask, (anomalies - mean[:, :, None]) * _unit(count, others), mean, factors))
         return folds
 
     def _floor(self, white: Array, largest: float, size: int) -> float:
@@ -153,6 +185,12 @@ class PreparedMinimumVariance(PreparedEstimator):
         """NaN (t,): the prior, not a stability constant, bounds the error."""
         return np.full(len(self.steps), np.nan)
 
+    def masked(self, mask: BoolArray) -> "PreparedMinimumVariance":
+        """Return the same estimator on the functionals of `mask` (m,); what they observe is reused."""
+        return PreparedMinimumVariance(
+            self.settings, self.background, self.functionals, self.noise, self.steps, mask, self
+        )  # fmt: skip
+
     def estimate(self, data: Array, noise_scale: Array | float = 1.0, mask: BoolArray | None = None) -> Estimate:
         """Estimate states; the noise scale decides how much the data are trusted."""
         flags = check_mask(mask, self.functionals.count)
@@ -160,49 +198,47 @@ class PreparedMinimumVariance(PreparedEstimator):
         k = raw.shape[2]
         scale = check_scale(noise_scale, k)
         if flags is not None:
-            again = PreparedMinimumVariance(
-                self.settings, self.background, self.functionals, self.noise, self.steps, flags
-            )
-            return again.estimate(raw, scale)
+            return self.masked(flags).estimate(raw, scale)
         self._plausibility.check(raw[self.keep], scale)
-        white = self._kept_noise.whiten((raw - self.expected[:, :, None])[self.keep])
-        windows = self._windows(white)
-        weights = []
-        for (u, s, vt), floor, window in zip(self.factors, self.floors, windows, strict=True):
+        windows = self._windows(self._kept_noise.whiten((raw - self.expected[:, :, None])[self.keep]))
+        weights, seen = [], []
+        for each, floor, window in zip(self.factors, self.floors, windows, strict=True):
             level = np.hypot(scale, floor)  # noise and what the training set leaves out, together
-            weights.append(vt.T @ (s[:, None] / (s[:, None] ** 2 + level**2) * (u.T @ window)))
+            along, left = each.split(window)
+            weights.append(each.vt.T @ (each.s[:, None] / (each.s[:, None] ** 2 + level**2) * along))
+            seen.append((along**2, left))
         coefficients = np.repeat(self.mean[:, :, None], k, axis=2)
         if self.settings.window == "cycle":
             coefficients += np.tensordot(self.anomalies, weights[0], axes=1)
         else:
             coefficients += np.einsum("rtj,tjk->rtk", self.anomalies, np.stack(weights), optimize=True)
-        return Estimate(self.background, self.steps, coefficients, uncertainty=self._uncertainty(scale))
+        return Estimate(
+            self.background, self.times, coefficients,
+            uncertainty=self._uncertainty(scale), misfit=innovation(self, seen, scale),
+        )  # fmt: skip
 
     def _uncertainty(self, scale: Array) -> Uncertainty:
-        return _Posterior(self, scale) if self.settings.deviations == "model" else _HeldOut(self, scale)
+        return Posterior(self, scale) if self.settings.deviations == "model" else HeldOut(self, scale)
 
     def readout(self, quantity: QuantityOfInterest, noise_scale: float = 1.0, mask: BoolArray | None = None) -> Readout:
         """Take data straight to a quantity, at one noise scale."""
         flags = check_mask(mask, self.functionals.count)
         scale = check_scale(noise_scale, 1)
         if flags is not None:
-            again = PreparedMinimumVariance(
-                self.settings, self.background, self.functionals, self.noise, self.steps, flags
-            )
-            return replace(again.readout(quantity, noise_scale), mask=flags)
-        on_modes, _ = weights_of(quantity, self.background, len(self.steps))
+            return replace(self.masked(flags).readout(quantity, noise_scale), mask=flags)
+        on_modes, _ = weights_of(quantity, self.background, len(self.times))
         if self.settings.window == "cycle":
-            directions = [_along(on_modes, self.anomalies)]
+            directions = [along(on_modes, self.anomalies)]
         else:
             directions = [on_modes[:, t] @ self.anomalies[:, t] for t in range(len(self.steps))]
         white = []
-        for direction, (u, s, vt), floor in zip(directions, self.factors, self.floors, strict=True):
+        for direction, each, floor in zip(directions, self.factors, self.floors, strict=True):
             level = float(np.hypot(scale[0], floor))
-            white.append((direction @ vt.T * (s / (s**2 + level**2))) @ u.T)
+            white.append(each.spread((direction @ each.vt.T * (each.s / (each.s**2 + level**2))).T).T)
         shape = (len(on_modes), int(self.keep.sum()), len(self.steps))
         whole = white[0].reshape(shape) if self.settings.window == "cycle" else np.stack(white, axis=2)
         gain = np.zeros((len(on_modes), self.functionals.count, len(self.steps)))
-        gain[:, self.keep] = _whiten_transpose(self._kept_noise, whole)
+        gain[:, self.keep] = whiten_transpose(self._kept_noise, whole.swapaxes(0, 1)).swapaxes(0, 1)
         offset = np.einsum("str,rt->s", on_modes, self.mean) - np.einsum("smt,mt->s", gain, self.expected)
         return Readout(gain, offset, np.sqrt(self._uncertainty(scale).variance(on_modes, None)[:, 0]))
 
@@ -251,109 +287,3 @@ def _warn_of_few_samples(background: Background) -> None:
 def _unit(count: int, others: int) -> float:
     """Factor from anomalies scaled for `count` samples to anomalies scaled for `others` of them."""
     return float(np.sqrt((count - 1) / max(others - 1, 1)))
-
-
-@dataclass(frozen=True, eq=False)
-class _Fold:
-    """An estimate that has not seen some trajectories.
-
-    Parameters
-    ----------
-    mask : (K,) bool array
-        Who is held out.
-    anomalies : (r, t, K') array
-        Of the others.
-    mean : (r, t) array
-        Of the others, in the units of all anomalies.
-    factors : list of (singular values, right vectors, projected held-out data)
-        For each window.
-    """
-
-    mask: BoolArray
-    anomalies: Array
-    mean: Array
-    factors: list[tuple[Array, Array, Array]]
-
-
-class _HeldOut(Uncertainty):
-    """Mean-square error on training trajectories held out in turn, plus the noise that comes through."""
-
-    def __init__(self, prepared: PreparedMinimumVariance, scale: Array) -> None:
-        self.prepared, self.scale = prepared, scale
-
-    def variance(self, on_modes: Array, on_correction: Array | None) -> Array:
-        """Variance (s, k) of linear functionals of the trajectory; NaN for fewer than three samples."""
-        p = self.prepared
-        cycle = p.settings.window == "cycle"
-        count = p.background.n_samples
-        groups = [slice(None)] if cycle else [slice(t, t + 1) for t in range(len(p.steps))]
-        full = [_along(on_modes[:, g], p.anomalies[:, g]) for g in groups]
-        folds = [
-            (
-                fold,
-                _along(on_modes, p.anomalies[:, :, fold.mask] - fold.mean[:, :, None]),
-                [_along(on_modes[:, g], fold.anomalies[:, g]) for g in groups],
-            )
-            for fold in p.held_out
-        ]
-        out = np.empty((len(on_modes), len(self.scale)))
-        for series, scale in enumerate(self.scale):
-            noise = np.zeros(len(on_modes))
-            for direction, (_, s, vt), floor in zip(full, p.factors, p.floors, strict=True):
-                noise += ((direction @ vt.T * (s * scale / (s**2 + np.hypot(scale, floor) ** 2))) ** 2).sum(axis=1)
-            error = np.full((len(on_modes), count), np.nan)
-            for fold, truth, directions in folds:
-                found = np.zeros_like(truth)
-                for direction, (s, vt, data), floor in zip(directions, fold.factors, p.floors, strict=True):
-                    gain = s / (s**2 + np.hypot(scale, floor) ** 2)
-                    found += (direction @ vt.T * gain) @ data
-                error[:, fold.mask] = truth - found
-            # Anomalies are scaled by (K − 1)^(−1/2): undo that, then take the mean.
-            out[:, series] = (error**2).mean(axis=1) * (count - 1) + noise
-        return out
-
-
-def _whiten_transpose(noise: NoiseModel, gain: Array, width: int = 256) -> Array:
-    """Gains (s, m, t) on raw values, of gains on whitened ones; the whitening's matrix a few columns at a time."""
-    m = gain.shape[1]
-    out = np.empty_like(gain)
-    for start in range(0, m, width):
-        unit = np.zeros((m, min(width, m - start)))
-        unit[start + np.arange(unit.shape[1]), np.arange(unit.shape[1])] = 1.0
-        out[:, start : start + width] = np.einsum("smt,mi->sit", gain, noise.whiten(unit), optimize=True)
-    return out
-
-
-def _along(on_modes: Array, states: Array) -> Array:
-    """Values (s, k) of functionals (s, t, r) of trajectories (r, t, k)."""
-    return np.asarray(np.einsum("str,rtk->sk", on_modes, states, optimize=True))
-
-
-class _Posterior(Uncertainty):
-    """Error covariance of the estimate under the training set's distribution.
-
-    What the training set cannot represent is counted where it disturbs the data (the floor), not in the
-    state itself: with exact data the claimed deviations are too small.
-    """
-
-    def __init__(self, prepared: PreparedMinimumVariance, scale: Array) -> None:
-        self.prepared, self.scale = prepared, scale
-
-    def variance(self, on_modes: Array, on_correction: Array | None) -> Array:
-        """Variance (s, k) of linear functionals of the trajectory; there is no correction."""
-        p = self.prepared
-        out = np.empty((len(on_modes), len(self.scale)))
-        if p.settings.window == "cycle":
-            groups = [_along(on_modes, p.anomalies)]
-        else:
-            groups = [on_modes[:, t] @ p.anomalies[:, t] for t in range(len(p.steps))]
-        for series, scale in enumerate(self.scale):
-            left = np.zeros((len(on_modes), p.background.n_samples))
-            noise = np.zeros(len(on_modes))
-            for direction, (_, s, vt), floor in zip(groups, p.factors, p.floors, strict=True):
-                level = float(np.hypot(scale, floor))
-                along = direction @ vt.T
-                left += direction - (along * (s**2 / (s**2 + level**2))) @ vt
-                noise += ((along * (s * level / (s**2 + level**2))) ** 2).sum(axis=1)
-            out[:, series] = (left**2).sum(axis=1) + noise
-        return out

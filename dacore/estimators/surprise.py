@@ -8,7 +8,9 @@ distribution of the same mean and variance (Welch and Satterthwaite).
 import numpy as np
 
 from dacore.core.arrays import Array
+from dacore.core.background import Background
 from dacore.core.misfit import Misfit
+from dacore.core.noise import NoiseModel
 
 LARGEST_FREEDOM = 1e9
 
@@ -20,7 +22,35 @@ def matched(statistic: Array, mean: Array, variance: Array) -> Misfit:
     return Misfit(statistic * freedom / mean, freedom)
 
 
-def of_steps(squares: Array, held_out: Array, count: Array, scale: Array, rounding: float) -> Misfit | None:
+def unlearned(background: Background, observed: Array, noise: NoiseModel) -> float:
+    """Mean square, over data in units of the noise, of what the training set itself says that it leaves out.
+
+    Compression and reduced training leave out a share of each field, which trajectories held out do not show.
+
+    Parameters
+    ----------
+    background : Background
+    observed : (m, r) array
+        Functionals of the background's modes.
+    noise : NoiseModel
+        Of the m values.
+    """
+    total = 0.0
+    for field in background.space.fields:
+        block = background.block(field.name)
+        if not observed[:, block].any():
+            continue
+        share = background.compression[field.name] ** 2
+        if background.forward is not None:
+            share += background.forward.accuracy[field.name] ** 2
+        seen = noise.whiten(observed[:, block])
+        parts = background.coefficients[block].reshape(seen.shape[1], -1)
+        squares = np.einsum("ij,ij->", seen.T @ seen, parts @ parts.T)
+        total += share * float(squares) / (len(observed) * parts.shape[1])
+    return total
+
+
+def of_steps(squares: Array, held_out: Array, count: Array, scale: Array, unlearned: float) -> Misfit | None:
     """Misfit of residuals that are weighed step by step.
 
     Parameters
@@ -33,8 +63,8 @@ def of_steps(squares: Array, held_out: Array, count: Array, scale: Array, roundi
         Number of residuals at each step that a fit leaves free.
     scale : (k,) array
         Standard deviation of the noise.
-    rounding : float
-        Squared residual that is no more than round-off.
+    unlearned : float
+        Mean square of what no trajectory held out shows; taken to be of one piece.
 
     Returns
     -------
@@ -43,10 +73,10 @@ def of_steps(squares: Array, held_out: Array, count: Array, scale: Array, roundi
     if not (count.sum(axis=0) > 0).all():
         return None
     missed = held_out.mean(axis=1)
-    free = np.maximum(count, 1.0)
-    weight = np.where(count > 0, 1.0 / (scale**2 + np.maximum(missed, rounding) / free), 0.0)
-    statistic = (weight * squares).sum(axis=0)
-    mean = (weight * (count * scale**2 + np.maximum(missed, rounding))).sum(axis=0)
+    free, floor = np.maximum(count, 1.0), max(unlearned, 1e-300)
+    weight = np.where(count > 0, 1.0 / (scale**2 + floor + missed / free), 0.0)
+    beyond = (weight * count * floor).sum(axis=0)
+    mean = (weight * (count * scale**2 + missed)).sum(axis=0) + beyond
     noise = (weight**2 * (2.0 * count * scale**4 + 4.0 * scale**2 * missed)).sum(axis=0)
     spread = np.einsum("tk,tjk->jk", weight, held_out).var(axis=0)
-    return matched(statistic, mean, noise + spread)
+    return matched((weight * squares).sum(axis=0), mean, noise + spread + 2.0 * beyond**2)

@@ -39,6 +39,24 @@ test_pbdw = estimator_suite(PBDW(weights={"p": 0.1}), deviations=True).as_test()
 test_pbdw_as_published = estimator_suite(
     PBDW(n=4, weights={"p": 0.1}, spaces="cycle", centring="none", tails="training")
 ).as_test()
+test_pbdw_regularised = estimator_suite(
+    PBDW(n="noise", fit="regularised", weights={"p": 0.1}), deviations=True
+).as_test()  # fmt: skip
+test_pbdw_of_given_weight = estimator_suite(
+    PBDW(n=5, fit="regularised", missed=0.5, weights={"p": 0.1}, spaces="cycle", centring="none"), deviations=True
+).as_test()
+test_pbdw_weighted_by_noise = estimator_suite(
+    PBDW(n="noise", fit="noise_weighted", weights="balanced"), deviations=True
+).as_test()  # fmt: skip
+test_pbdw_by_cross_validation = estimator_suite(
+    PBDW(n=5, fit="regularised", missed="gcv", weights={"p": 0.1}), affine=False, deviations=True
+).as_test()
+test_pbdw_by_discrepancy = estimator_suite(
+    PBDW(n="discrepancy", fit="regularised", missed="discrepancy", weights={"p": 0.1}), affine=False
+).as_test()
+test_pbdw_in_a_box = estimator_suite(
+    PBDW(n=6, fit="noise_weighted", box=1.0, weights={"p": 0.1}), affine=False, deviations=True
+).as_test()
 test_pbdw_without_correction = estimator_suite(PBDW(n=4, weights="balanced", correction=False)).as_test()
 
 test_posterior = estimator_suite(Posterior(points=512), affine=False, deviations=True, forward=True).as_test()

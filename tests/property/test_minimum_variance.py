@@ -11,6 +11,7 @@ from dacore.core.noise import CorrelatedNoise, SensorNoise, WhiteNoise
 from dacore.core.quantity import QuantityOfInterest
 from dacore.errors import ShapeError
 from dacore.estimators.minimum_variance import MinimumVariance
+from dacore.testing.backgrounds import Population, Weighted
 from tests.spaces import Chain, functionals_of, random_background, random_functionals
 
 
@@ -146,6 +147,74 @@ def test_observed_steps_may_be_a_subset():
     assert np.allclose(estimate.state(), full.estimate(padded).state(step=steps))
 
 
+@given(seed=st.integers(0, 2**31), kind=st.sampled_from(["white", "sensors", "correlated"]))
+def test_a_few_observed_steps_tell_of_all(seed, kind):
+    """The dense Gaussian posterior of the whole trajectory, given data at two of its five times."""
+    rng, space, background, functionals = setting(seed)
+    m, t, steps = functionals.count, 5, np.array([3, 1])
+    noise, covariance = noise_of(rng, kind, m)
+    data = rng.standard_normal((m, 2, 1))
+    prepared = MinimumVariance(floor=1e-12, deviations="model").prepare(background, functionals, noise, steps)
+    estimate = prepared.estimate(data, 0.8)
+    states = background.lift(background.coefficients).swapaxes(0, 1).reshape(t * space.n_dofs, -1)
+    rows = np.kron(np.eye(t)[steps], functionals.matrix.toarray())
+    mean, posterior = dense_posterior(
+        states, rows, np.kron(np.eye(2), 0.64 * covariance), data[:, :, 0].T.ravel()
+    )  # fmt: skip
+    assert np.array_equal(estimate.steps, np.arange(5))
+    assert prepared.inf_sup.shape == (2,)
+    assert np.allclose(estimate.state(series=0).T.ravel(), mean, atol=1e-7)
+    weights = rng.standard_normal(space.n_dofs)
+    quantity = Weighted(weights[None])
+    along = np.tile(weights / t, t)
+    assert np.isclose(estimate.standard_deviation(quantity)[0, 0] ** 2, along @ posterior @ along, rtol=1e-6)
+    ready = prepared.readout(quantity, 0.8)
+    assert ready.gain.shape == (1, m, 2)
+    assert np.allclose(ready(data), estimate.quantity(quantity), rtol=1e-9, atol=1e-12)
+    assert np.isclose(ready.deviation[0], estimate.standard_deviation(quantity)[0, 0], rtol=1e-9)
+
+
+@pytest.mark.parametrize("window", ["cycle", "step"])
+@pytest.mark.parametrize("scale", [0.0, 0.7])
+def test_taking_functionals_away_is_preparing_without_them(window, scale):
+    """Few and many of them, and such that hardly anything is left; several masks of one estimator."""
+    rng, space, _, _ = setting(2)
+    background, functionals = random_background(rng, space, samples=20), random_functionals(rng, space, 30)
+    noise = SensorNoise(rng.uniform(0.1, 2.0, 30))
+    prepared = MinimumVariance(window=window).prepare(background, functionals, noise)
+    data = functionals(background.lift(background.coefficients[:, :, :3])) + scale * noise.sample(rng, (30, 5, 3))
+    quantity = Weighted(rng.standard_normal((2, space.n_dofs)))
+    for mask in (np.arange(30) != 4, np.arange(30) % 3 == 0, np.arange(30) < 2):
+        found = prepared.estimate(data, scale, mask)
+        alone = MinimumVariance(window=window).prepare(
+            background, functionals_of(functionals.matrix.toarray()[mask]), noise.marginal(mask)
+        )
+        want = alone.estimate(data[mask], scale)
+        assert np.allclose(found.state(), want.state(), rtol=1e-6, atol=1e-6)
+        assert np.allclose(found.standard_deviation(quantity), want.standard_deviation(quantity), rtol=1e-5)
+        assert np.allclose(found.misfit.ratio, want.misfit.ratio, rtol=1e-3)
+
+
+def test_full_rank_does_not_blow_up():
+    """As many directions as samples, every functional twice, no noise: unseen cases are still found."""
+    rng = np.random.default_rng(8)
+    space = Chain(14)
+    population = Population(rng, space)
+    for samples in (9, 12, 60):
+        background = population.background(rng, samples=samples)
+        rows = random_functionals(rng, space, 28).matrix.toarray()
+        functionals = functionals_of(np.concatenate([rows, rows, 1e-3 * rows]))
+        truth = population.draw(rng, 5)
+        for window in ("cycle", "step"):
+            prepared = MinimumVariance(window=window).prepare(background, functionals, WhiteNoise())
+            found = prepared.estimate(functionals(truth), 0.0).state()
+            guess = background.lift(background.mean())[:, :, None]
+            assert np.linalg.norm(found - truth) < np.linalg.norm(guess - truth)
+            # 45 directions of the whole trajectory, 9 of a step.
+            if samples > 45 or (window == "step" and samples > 9):
+                assert np.linalg.norm(found - truth) < 1e-4 * np.linalg.norm(guess - truth)
+
+
 def test_bad_settings_are_refused():
     rng, space, background, functionals = setting(0)
     with pytest.raises(ShapeError, match="floor"):
@@ -164,7 +233,7 @@ def test_exact_data_are_trusted_as_far_as_the_training_set_represents_unseen_cas
     rich, poor = (random_background(np.random.default_rng(6), space, samples=k) for k in (40, 5))
     functionals = random_functionals(rng, space, 20)
     floors = [MinimumVariance().prepare(b, functionals, WhiteNoise()).floors[0] for b in (rich, poor)]
-    largest = MinimumVariance().prepare(poor, functionals, WhiteNoise()).factors[0][1][0]
+    largest = MinimumVariance().prepare(poor, functionals, WhiteNoise()).factors[0].s[0]
     assert floors[0] < floors[1]
     assert 1e-3 * largest < floors[1] < largest
 

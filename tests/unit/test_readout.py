@@ -16,6 +16,8 @@ ESTIMATORS = {
     "pbdw": PBDW(n=4, weights={"p": 3.0}),
     "pbdw, one space": PBDW(n=4, weights={"p": 3.0}, spaces="cycle", centring="none"),
     "pbdw, no correction": PBDW(n=4, weights={"p": 3.0}, correction=False),
+    "pbdw, regularised": PBDW(n="noise", weights={"p": 3.0}, fit="regularised", max_dimension=8),
+    "pbdw, weighted by noise": PBDW(n=4, weights={"p": 3.0}, fit="noise_weighted", spaces="cycle", centring="phase"),
     "mv": MinimumVariance(),
     "mv, step": MinimumVariance(window="step"),
     "mv, model": MinimumVariance(deviations="model", floor=1e-3),
