@@ -22,6 +22,14 @@ one into PNG or SVG bytes.
 `stability.stability`     where a family of time schemes is stable, and what schemes damp
 `convergence.convergence` errors against the size of the cells
 `formula.against_formula` curves known by formula, and the points computed
+`classify.classification` two groups told apart by a number, and operating curves
+`calibration.calibration` coverage of claimed intervals, and transforms of truths
+`dimension.dimension`     errors against n, and the n that each rule chooses
+`weights.weights`         errors, stability and n against the weight ζ
+`data_amount.data_amount` errors against how much is measured
+`mismatch.mismatch`       errors and alarms against what is wrong with the model
+`placement.placement`     what placed measurements are worth
+`learned.learned`         how much data said of each parameter
 ========================  ==========================================================
 """
 

@@ -50,12 +50,12 @@ class Coverage:
 
     @property
     def band(self) -> tuple[Array, Array]:
-        """Shares (L,), (L,) between which the empirical ones lie, if the nominal levels are right (binomial)."""
-        tail = 0.5 - self.confidence / 2
-        return (
-            binom.ppf(tail, self.total, self.levels) / self.total,
-            binom.ppf(1 - tail, self.total, self.levels) / self.total,
-        )
+        """Shares (L,), (L,) between which each empirical one lies, if its nominal level is right (binomial)."""
+        return self._band(1.0 - self.confidence)
+
+    def _band(self, risk: float) -> tuple[Array, Array]:
+        low, high = (binom.ppf(each, self.total, self.levels) / self.total for each in (risk / 2, 1 - risk / 2))
+        return low, high
 
     @property
     def intervals(self) -> Array:
@@ -64,8 +64,11 @@ class Coverage:
 
     @property
     def consistent(self) -> bool:
-        """Whether every empirical share is within the band: nothing here contradicts what is claimed."""
-        low, high = self.band
+        """Whether nothing here contradicts what is claimed: right claims fail with probability 1 − confidence at most.
+
+        The band is wider than `band`, which holds at each level on its own (Bonferroni).
+        """
+        low, high = self._band((1.0 - self.confidence) / len(self.levels))
         return bool(((self.empirical >= low - 1e-12) & (self.empirical <= high + 1e-12)).all())
 
     @property

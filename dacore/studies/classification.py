@@ -19,6 +19,7 @@ Range = tuple[float, float]
 
 # Points at which the densities of `attainable` are summed, over the ranges and six deviations to each side.
 _POINTS = 20_001
+_MOST_POINTS = 1_000_001
 _REACH = 6.0
 
 
@@ -287,8 +288,9 @@ def attainable(deviation: float, normal: Range, raised: Range, prevalence: float
         raise ShapeError(f"deviation: got {deviation}, expected a positive number")
     _check_groups(normal, raised, prevalence)
     ends = min(normal[0], raised[0]) - _REACH * deviation, max(normal[1], raised[1]) + _REACH * deviation
-    # Fine enough for the deviation however wide the ranges are.
-    points = np.linspace(*ends, max(_POINTS, int(20 * (ends[1] - ends[0]) / deviation)))
+    # Fine enough for the deviation; of one that is tiny beside the ranges, ends that are not resolved weigh nothing.
+    fine = int(np.clip(20 * (ends[1] - ends[0]) / deviation, _POINTS, _MOST_POINTS))
+    points = np.linspace(*ends, fine)
     density = [
         (norm.cdf((points - low) / deviation) - norm.cdf((points - high) / deviation)) / (high - low)
         for low, high in (normal, raised)

@@ -121,6 +121,13 @@ def test_coverage_counts_and_its_band_holds_binomial_counts():
     assert found.intervals.shape == (2, 2)
 
 
+def test_right_claims_are_called_inconsistent_as_rarely_as_said():
+    rng = np.random.default_rng(7)
+    wrong = sum(not calibrate(*claims(rng, 60)).coverage.consistent for _ in range(400))
+    assert wrong < 0.05 * 400 + 3 * np.sqrt(400 * 0.05 * 0.95)
+    assert sum(not calibrate(*claims(rng, 60, 0.5)).coverage.consistent for _ in range(50)) > 45
+
+
 def test_transform_of_an_ensemble_is_uniform_if_truth_is_another_member():
     rng = np.random.default_rng(6)
     members = rng.standard_normal((9, 5000))

@@ -129,6 +129,13 @@ def test_bayes_limit_is_what_the_best_rule_does_in_simulation():
         assert ((chance > 0.5) == raised).mean() == pytest.approx(limit.correct, abs=4e-3)
 
 
+def test_limit_of_tiny_and_of_huge_deviations():
+    tiny, huge = attainable(1e-6, NORMAL, RAISED), attainable(1e8, NORMAL, RAISED)
+    assert (tiny.correct, tiny.area) == pytest.approx((1.0, 1.0), abs=1e-4)
+    assert (huge.correct, huge.area) == pytest.approx((0.5, 0.5), abs=1e-4)
+    assert attainable(1e8, NORMAL, RAISED, 0.1).correct == pytest.approx(0.9, abs=1e-4)
+
+
 def test_group_probability_is_bayes_formula_and_stays_in_range_in_the_tails():
     mean, deviation = np.array([1.05e4, 1.03e4]), np.array([200.0, 300.0])
     mass = [norm.cdf(b, mean, deviation) - norm.cdf(a, mean, deviation) for a, b in (NORMAL, RAISED)]
