@@ -235,7 +235,7 @@ def group_probability(
     centre, spread = np.asarray(mean, dtype=np.float64), np.asarray(deviation, dtype=np.float64)
     if centre.shape != spread.shape or not (spread > 0).all():
         raise ShapeError("posterior: expected a positive standard deviation for each mean")
-    _check_groups(normal, raised, prevalence)
+    check_groups(normal, raised, prevalence)
     logs = []
     for (low, high), share in ((normal, 1.0 - prevalence), (raised, prevalence)):
         logs.append(np.log(share / (high - low)) + _log_mass((low - centre) / spread, (high - centre) / spread))
@@ -286,7 +286,7 @@ def attainable(deviation: float, normal: Range, raised: Range, prevalence: float
     """
     if not (np.isfinite(deviation) and deviation > 0):
         raise ShapeError(f"deviation: got {deviation}, expected a positive number")
-    _check_groups(normal, raised, prevalence)
+    check_groups(normal, raised, prevalence)
     ends = min(normal[0], raised[0]) - _REACH * deviation, max(normal[1], raised[1]) + _REACH * deviation
     # Fine enough for the deviation; of one that is tiny beside the ranges, ends that are not resolved weigh nothing.
     fine = int(np.clip(20 * (ends[1] - ends[0]) / deviation, _POINTS, _MOST_POINTS))
@@ -337,7 +337,8 @@ def _log_mass(low: Array, high: Array) -> Array:
     return np.asarray(top + np.log1p(-np.exp(np.minimum(norm.logcdf(a) - top, -1e-300))))
 
 
-def _check_groups(normal: Range, raised: Range, prevalence: float) -> None:
+def check_groups(normal: Range, raised: Range, prevalence: float) -> None:
+    """Raise ShapeError unless the ranges have a width and the prevalence is one."""
     if not (normal[0] < normal[1] and raised[0] < raised[1]):
         raise ShapeError(f"groups: got {normal} and {raised}, expected two ranges of positive width")
     if not 0 < prevalence < 1:

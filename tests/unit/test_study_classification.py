@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import norm
 
 from dacore.errors import ShapeError
+from dacore.studies.calibration import central_probabilities
 from dacore.studies.classification import (
     Proportion,
     attainable,
@@ -16,6 +17,7 @@ from dacore.studies.classification import (
     operating_curve,
     rule,
 )
+from dacore.studies.group_posterior import group_probability_quantiles
 
 NORMAL, RAISED = (1.0e4, 1.02e4), (1.08e4, 1.1e4)
 
@@ -145,6 +147,20 @@ def test_group_probability_is_bayes_formula_and_stays_in_range_in_the_tails():
     np.testing.assert_allclose(far, [0.0, 1.0], atol=1e-12)
 
 
+def test_group_probability_of_quantiles_is_that_of_the_posterior_behind_them():
+    rng = np.random.default_rng(7)
+    mean, deviation = rng.uniform(1.0e4, 1.1e4, 50), rng.uniform(100, 400, 50)
+    chances = central_probabilities()
+    gaussian = mean + norm.ppf(chances)[:, None] * deviation
+    np.testing.assert_allclose(
+        group_probability_quantiles(chances, gaussian, NORMAL, RAISED, 0.3),
+        group_probability(mean, deviation, NORMAL, RAISED, 0.3), rtol=1e-6, atol=1e-12,
+    )  # fmt: skip
+    points = np.array([[9e3, 1.01e4, 1.05e4, 1.06e4, 1.2e4]] * 2) + np.array([[-0.1], [0.1]])
+    found = group_probability_quantiles([0.4, 0.6], points, NORMAL, RAISED)
+    np.testing.assert_allclose(found[[0, 1, 3, 4]], [0.0, 0.0, 1.0, 1.0])
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -155,6 +171,8 @@ def test_group_probability_is_bayes_formula_and_stays_in_range_in_the_tails():
         (lambda: attainable(0.0, NORMAL, RAISED), "positive number"),
         (lambda: attainable(1.0, (1.0, 1.0), RAISED), "positive width"),
         (lambda: group_probability(np.ones(2), np.zeros(2), NORMAL, RAISED), "positive standard deviation"),
+        (lambda: group_probability_quantiles([0.4, 0.6], np.ones(2), NORMAL, RAISED), "quantiles: got shape"),
+        (lambda: group_probability_quantiles([0.4, 0.6], np.ones((2, 1)), NORMAL, RAISED, 1.0), "prevalence: got"),
         (lambda: expected_correct(np.array([1.2])), "from 0 to 1"),
         (lambda: Proportion(3, 2), "3 of 2"),
     ],
