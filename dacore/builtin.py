@@ -66,6 +66,16 @@ def dacore_studies() -> list[PluginSpec]:
             summary="errors of PBDW against n, and the n that every rule takes",
         ),
         PluginSpec(
+            "limits",
+            "dacore.workflow.studies.limits:LimitStudy",
+            summary="sampled posterior mean and Fisher information beside every estimator",
+        ),
+        PluginSpec(
+            "placement",
+            "dacore.workflow.studies.placement:PlacementStudy",
+            summary="slices chosen one by one for a number of interest or for stability",
+        ),
+        PluginSpec(
             "weights",
             "dacore.workflow.studies.weights:Weights",
             summary="stability and errors of PBDW against the weight between the fields",

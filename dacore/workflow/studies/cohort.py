@@ -9,6 +9,8 @@ from annotated_types import Ge, Len
 
 from dacore.core.arrays import Array
 from dacore.errors import ShapeError
+from dacore.figures.calibration import CalibrationCurve, calibration
+from dacore.figures.classify import ClassPanel, OperatingLine, classification
 from dacore.io.scene import Scene
 from dacore.studies.calibration import LEVELS, Calibration, calibrate, calibrate_quantiles
 from dacore.studies.classification import Classification, classify
@@ -17,6 +19,7 @@ from dacore.studies.cohort_estimates import Cohort, CohortOutcome, estimate_coho
 from dacore.studies.errors import JOINT
 from dacore.studies.validation import PRIOR
 from dacore.workflow.canvas import Canvas
+from dacore.workflow.drawn import Drawn, Plot
 from dacore.workflow.report_parts import Cell, Table
 from dacore.workflow.studies.bench import Bench
 from dacore.workflow.studies.study import Exhibit, Findings, Score, Study
@@ -132,8 +135,68 @@ class CohortStudy(Study):
             + f". Truths come from the reduced model (expected error of {accuracy}), which is also what the estimators "
             "were trained on: these are errors of the reconstruction alone."
         )
-        parts = [self._told(found, canvas, unit, title), self._claimed(found, canvas, unit, title)]
+        parts = [
+            *self._draw_told(found, canvas, unit, title), self._told(found, canvas, unit, title),
+            *self._draw_claimed(found, canvas), self._claimed(found, canvas, unit, title),
+        ]  # fmt: skip
         return Exhibit(text, [part for part in parts if part is not None], self._scores(found))
+
+    def _label(self, canvas: Canvas, name: str, level: float) -> str:
+        return f"{name_of(canvas.session.builder, name)}, {noise_name(level)}"
+
+    def _draw_told(self, found: Findings, canvas: Canvas, unit: str, title: str) -> list[Drawn]:
+        if len(self.groups) < 2:
+            return []
+        a, raised = found.arrays, found.arrays["group"] == 1
+        panels, curves = [], []
+        for e, name, k, level in self._rows(found):
+            label, limit = self._label(canvas, name, level), self.limit(found)
+            low, high = (self._quantile(found, e, k, tail) for tail in (0.5 - SHOWN / 2, 0.5 + SHOWN / 2))
+            known = low is not None and high is not None
+            panels.append(
+                ClassPanel(
+                    label, a["truth"], a["estimate"][e, k], raised, limit, low if known else None,
+                    high if known else None,
+                )
+            )  # fmt: skip
+            curve = self.classification(found, e, k).curve
+            curves.append(OperatingLine(label, curve.false_positive, curve.true_positive, curve.area, curve.interval))
+        names = (self.groups[0].name, self.groups[1].name)
+        return [
+            Drawn(
+                "groups",
+                Plot(classification, panels, curves, title, unit, names, SHOWN, canvas.caption),
+                f"{title}: estimate against truth with {100 * SHOWN:.0f}% intervals, the threshold between the groups, "
+                "and operating curves as it moves.",
+                f"scatter of estimated against true {title} of two groups, and operating curves",
+            )
+        ]
+
+    def _draw_claimed(self, found: Findings, canvas: Canvas) -> list[Drawn]:
+        curves = []
+        for e, name, k, level in self._rows(found):
+            one = self.calibration(found, e, k)
+            if one is not None:
+                note = f"errors / claimed {one.spread:.2f}"
+                cover = one.coverage
+                label = self._label(canvas, name, level)
+                curves.append(CalibrationCurve(label, cover.levels, cover.empirical, one.transform, note))
+        if not curves:
+            return []
+        return [
+            Drawn(
+                "claims",
+                Plot(calibration, curves, caption=canvas.caption),
+                "How often central intervals hold the truth against their nominal level, and where truths fall in what "
+                "is claimed: flat where claims are honest. Bands: 95% of honest claims.",
+                "coverage curves beside the diagonal, and histograms",
+            )
+        ]
+
+    def _quantile(self, found: Findings, estimator: int, level: int, chance: float) -> Array | None:
+        place = int(np.argmin(np.abs(found.arrays["probabilities"] - chance)))
+        values = found.arrays["quantiles"][estimator, level, place]
+        return values if np.isfinite(values).all() else None
 
     def _rows(self, found: Findings) -> list[tuple[int, str, int, float]]:
         return [

@@ -13,13 +13,11 @@ from dacore.estimators.pbdw import PBDW, Rule
 from dacore.estimators.prepared_pbdw import PreparedPBDW
 from dacore.figures.dimension import DimensionPanel, dimension
 from dacore.io.scene import Scene
-from dacore.studies.errors import JOINT, ErrorMeter, ProjectedErrors
-from dacore.studies.validation import PRODUCT, Judge
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.drawn import Drawn, Plot, error_name
 from dacore.workflow.report_parts import Cell, Table
-from dacore.workflow.session import Session
 from dacore.workflow.studies.bench import Bench
+from dacore.workflow.studies.judged import Judging
 from dacore.workflow.studies.study import Exhibit, Findings, Study
 from dacore.workflow.tables import name_of, noise_name, number_text, percent, quantity_title
 
@@ -61,7 +59,7 @@ class Dimension(Study):
         first = replace(setting, n="noise", max_dimension=self.largest).prepare(
             background, session.functionals, WhiteNoise(1.0), steps
         )
-        noisy, judged = session.runner["noisy"], _Judged(session)
+        noisy, judged = session.runner["noisy"], Judging(session)
         count = min(self.largest, int(min((beta >= 1e-10).sum() for beta in first.constants)))
         numbers = np.arange(1, count + 1)
         rows: dict[str, list[Any]] = {"errors": [], "rms": [], "rule_errors": [], "rule_rms": [], "rule_n": []}
@@ -70,7 +68,7 @@ class Dimension(Study):
             data, scale = noisy.given(level), noisy.sigmas[level]
             errors, rms = [], []
             for _, estimate in first.estimate_each(data, scale, numbers.tolist()):
-                found = judged(estimate)
+                found = judged.means(estimate)
                 errors.append(found[0])
                 rms.append(found[1])
                 done += 1
@@ -78,7 +76,7 @@ class Dimension(Study):
             by_rule = []
             for rule in self.rules:
                 one = first.by(rule)
-                by_rule.append((*judged(one.estimate(data, scale)), float(np.median(one.choose(data, scale)))))
+                by_rule.append((*judged.means(one.estimate(data, scale)), float(np.median(one.choose(data, scale)))))
                 done += 1
                 bench.tell(done, total)
             for name, values in zip(rows, (errors, rms, *zip(*by_rule, strict=True)), strict=True):
@@ -97,8 +95,8 @@ class Dimension(Study):
         text = (
             f"{name} with every n and all else the same. The best n has the least mean error of the hidden field, "
             "which only the truth knows; beside it what each rule takes. The bound ε̂_n/β_n knows no noise, the "
-            "expected error is measured on training trajectories held out, for the noise of each series; cross validation "
-            "and discrepancy look at the data alone."
+            "expected error is measured on training trajectories held out, for the noise of each series; cross "
+            "validation and discrepancy look at the data alone."
         )
         parts: list[Table | Drawn] = [self._table(found, canvas)]
         panels = []
@@ -113,7 +111,7 @@ class Dimension(Study):
             )
         parts.append(
             Drawn(
-                f"study_dimension_{self.estimator}", Plot(dimension, panels, caption=f"{canvas.caption} · {name}"),
+                "dimension", Plot(dimension, panels, caption=f"{canvas.caption} · {name}"),
                 "Mean space–time errors over the unseen cases against n, and the n of each rule.",
                 "error curves, stability constants and tails against the dimension of the background space",
             )
@@ -148,29 +146,6 @@ class Dimension(Study):
             Cell(f"{ratio:.2f}", "" if rule == "best n" else "best" if ratio <= 1.2 else "bad" if ratio > 2 else ""),
             *(number_text(float(value)) for value in rms),
         ]  # fmt: skip
-
-
-class _Judged:
-    """Mean errors of an estimate over the unseen cases."""
-
-    def __init__(self, session: Session) -> None:
-        background = session.background
-        contrasts = session.builder.contrasts(session.model.space, session.parameters)
-        meter = ErrorMeter(session.model.space, PRODUCT, contrasts, session.validation.joint_weights)
-        projected = None
-        if background.kind == PRODUCT:
-            projected = ProjectedErrors(background, session.functionals, session.runner["reference"])
-        self._judge = Judge(session.runner["measured"], session.quantities, meter, projected, lambda: session.truth)
-        self.labels = [label for label in meter.labels if label != JOINT]
-        self._quantities = list(session.quantities)
-
-    def __call__(self, estimate: Any) -> tuple[list[float], list[float]]:
-        """Mean error of each label, and root mean square error of each quantity."""
-        errors, values = self._judge.errors(estimate)
-        return (
-            [float(errors[label].mean()) for label in self.labels],
-            [float(np.sqrt((values[name] ** 2).mean())) for name in self._quantities],
-        )
 
 
 def _space(prepared: PreparedPBDW, count: int) -> dict[str, Array]:

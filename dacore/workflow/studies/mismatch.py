@@ -15,14 +15,17 @@ from dacore.io.scene import Scene
 from dacore.studies.errors import ErrorMeter, ProjectedErrors
 from dacore.studies.noisy import NoisyData
 from dacore.studies.reference import Measured, project
-from dacore.studies.transfer import interpolation, unattainable
+from dacore.studies.transfer import Projection, interpolation, unattainable
 from dacore.studies.validation import PRODUCT, Judge, Validation, gather, joint_weights
 from dacore.workflow.canvas import Canvas
+from dacore.workflow.drawn import Drawn
 from dacore.workflow.session import Session
 from dacore.workflow.studies.bench import Bench
+from dacore.workflow.studies.drawing import draw_mismatch
 from dacore.workflow.studies.grid import Grid
 from dacore.workflow.studies.study import Exhibit, Findings, Study, Variant
 from dacore.workflow.studies.variants import chosen_estimators
+from dacore.workflow.tables import noise_name
 
 _NEEDS = ("truth", "measured", "functionals")
 
@@ -108,12 +111,29 @@ class Mismatch(Study):
             if count
         ]
         others += [
-            f"{name}: {100 * share:.2g}% of the truth's last field is lost between the meshes"
+            f"{name}: {100 * share:.2g}% of the truth's last field is what no state on the estimators' mesh has"
             for name, share in zip(grid.settings, found.facts["lost"], strict=True)
             if share
         ]
         told = "\n\n".join([text, *(f"{each}." for each in others)])
-        return Exhibit(told, grid.tables(canvas, note, alarms=True), grid.scores())
+        return Exhibit(
+            told, [*self._drawn(found, grid, canvas), *grid.tables(canvas, note, alarms=True)], grid.scores()
+        )
+
+    def _drawn(self, found: Findings, grid: Grid, canvas: Canvas) -> list[Drawn]:
+        out = []
+        for series in dict.fromkeys(each.series for each in self.truths if each.series):
+            rows = {
+                1 + k: each.size / found.facts["largest"]
+                for k, each in enumerate(self.truths)
+                if each.series == series and each.size is not None
+            }
+            if len(rows) > 1:
+                order = sorted(rows, key=rows.__getitem__)
+                sizes = np.array([rows[k] for k in order])
+                levels = {noise_name(level): level for level in grid.levels if level > 0}
+                out += draw_mismatch(grid, series, order, sizes, levels, canvas)
+        return out
 
 
 class _Foreign:
@@ -132,13 +152,14 @@ class _Foreign:
 
     @cached_property
     def lost(self) -> float:
-        """Share of the first truth's last field that is lost on the way to the scene's mesh and back."""
+        """Share of the first truth's last field that no state on the scene's mesh has."""
         there, here = self.other.model.space, self.base.model.space
         if there.n_dofs == here.n_dofs:
             return 0.0
         meter = ErrorMeter(there, PRODUCT, [], {f.name: 1.0 for f in there.fields})
         states = self.other.truth[0].states
-        return unattainable(self._transfer, interpolation(here, there), states, meter)[there.fields[-1].name]
+        nearest = Projection(there, here)
+        return unattainable(nearest, nearest.basis, states, meter)[there.fields[-1].name]
 
     def _truths(self) -> Iterator[Trajectory]:
         for truth in self.other.truth:

@@ -1,7 +1,7 @@
 """What studies add to the results: sections of the report, figures, numbers, and one table of them all."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from dacore.studies.validation import PRIOR
@@ -51,7 +51,13 @@ def show_studies(canvas: Canvas) -> list[Shown]:
     session, out = canvas.session, []
     for name, study in session.builder.studies.items():
         title = session.scene.study[name].title or study.heading
-        out.append(Shown(name, title, study.show(session.runner[f"{STUDY}{name}"], canvas)))
+        exhibit = study.show(session.runner[f"{STUDY}{name}"], canvas)
+        # Two studies of one kind would draw over each other.
+        parts = [
+            replace(part, name=f"study_{name}_{part.name}") if isinstance(part, Drawn) else part
+            for part in exhibit.parts
+        ]
+        out.append(Shown(name, title, replace(exhibit, parts=parts)))
     return out
 
 

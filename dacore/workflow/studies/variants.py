@@ -8,6 +8,7 @@ from dacore.errors import ShapeError
 from dacore.io.scene import Scene
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.studies.bench import Bench
+from dacore.workflow.studies.drawing import draw_amounts
 from dacore.workflow.studies.grid import Grid
 from dacore.workflow.studies.study import Exhibit, Findings, Study, Variant
 
@@ -83,7 +84,8 @@ class Variants(Study):
         named = replace(
             grid, settings=tuple(f"{name} (m = {m:,})" for name, m in zip(grid.settings, counts, strict=True))
         )
-        return Exhibit(self.about, named.tables(canvas), grid.scores())
+        drawn = draw_amounts(grid, counts, canvas)
+        return Exhibit(self.about, [*drawn, *named.tables(canvas)], grid.scores())
 
 
 def chosen_estimators(scene: Scene, names: Sequence[str]) -> tuple[str, ...]:

@@ -11,13 +11,16 @@ from dacore.core.arrays import Array
 from dacore.core.noise import WhiteNoise
 from dacore.errors import ShapeError, UnstableError
 from dacore.estimators.pbdw import PBDW
+from dacore.figures.weights import WeightStudy, weights
 from dacore.io.scene import Scene
-from dacore.studies.errors import JOINT, ErrorMeter, ProjectedErrors
-from dacore.studies.validation import PRODUCT, Judge
+from dacore.studies.errors import JOINT
+from dacore.studies.validation import PRIOR
 from dacore.workflow.canvas import Canvas
+from dacore.workflow.drawn import Drawn, Plot, error_name, tag, unit_text
 from dacore.workflow.report_parts import Cell, Table
 from dacore.workflow.session import Session
 from dacore.workflow.studies.bench import Bench
+from dacore.workflow.studies.judged import Judging
 from dacore.workflow.studies.study import Exhibit, Findings, Study, Variant
 from dacore.workflow.tables import name_of, noise_name, number_text, percent, quantity_title
 
@@ -99,19 +102,38 @@ class Weights(Study):
     def show(self, found: Findings, canvas: Canvas) -> Exhibit:
         """Tables of errors against the weight, the least of a column marked, and what the rule picks."""
         facts, builder = found.facts, canvas.session.builder
-        label = facts["errors"][-1] if facts["errors"] else None
         text = (
             f"{name_of(builder, self.estimator)} with other weights ζ of {self.field} in the inner product, all else "
             "the same. The rule takes the ζ whose claimed deviation of the first number of interest, from training "
             "trajectories held out and the noise that comes through, is least: it needs no truth."
         )
-        tables = []
+        parts: list[Table | Drawn] = []
         for k, kind in enumerate(facts["products"]):
             for j, level in enumerate(facts["levels"]):
-                tables.append(self._table(found, canvas, k, j, f"{kind} product, {noise_name(level)}", label))
-        return Exhibit(text, tables)
+                caption = f"{kind} product, {noise_name(level)}"
+                parts += [self._drawn(found, canvas, k, j, caption), self._table(found, canvas, k, j, caption)]
+        return Exhibit(text, parts)
 
-    def _table(self, found: Findings, canvas: Canvas, k: int, j: int, caption: str, label: str | None) -> Table:
+    def _drawn(self, found: Findings, canvas: Canvas, k: int, j: int, caption: str) -> Drawn:
+        a, facts, session = found.arrays, found.facts, canvas.session
+        prior, layout = session.validation.outcome(PRIOR, 0.0), session.background.space.layout
+        errors = {error_name(label): a["errors"][k, :, j, i] for i, label in enumerate(facts["errors"])}
+        guess = {error_name(label): float(prior.space_time[label].mean()) for label in facts["errors"]}
+        units = [unit_text(layout.field(name).unit) for name in (layout.fields[0].name, self.field)]
+        marks = {"balanced": session.validation.joint_weights[self.field]}
+        inside = {name: value for name, value in marks.items() if self.lowest <= value <= self.highest}
+        shown = WeightStudy(
+            a["weights"], errors, np.nan_to_num(a["inf_sup"][k, :, j]), np.nan_to_num(a["n"][k, :, j]),
+            f"({units[0]} / ({units[1]}))²", inside, guess,
+        )  # fmt: skip
+        return Drawn(
+            f"{facts['products'][k]}_{tag(facts['levels'][j])}",
+            Plot(weights, shown, f"{canvas.caption} · {caption}"),
+            f"Errors, stability and dimension against ζ, {caption}; dashed: guessing the training mean.",
+            "curves of errors, stability constants and dimensions against the weight",
+        )
+
+    def _table(self, found: Findings, canvas: Canvas, k: int, j: int, caption: str) -> Table:
         facts, arrays = found.facts, found.arrays
         headers = ["ζ", "n", "β_n", *(f"e of {each}" for each in facts["errors"])]
         headers += [f"{quantity_title(canvas.session.builder, q)}, rms" for q in facts["quantities"]]
@@ -138,14 +160,8 @@ class _Weighed:
 
     def __init__(self, base: Session, session: Session, name: str) -> None:
         self.base, self.session, self.name = base, session, name
-        background = session.background
-        contrasts = base.builder.contrasts(base.model.space, base.parameters)
-        meter = ErrorMeter(base.model.space, PRODUCT, contrasts, base.validation.joint_weights)
-        projected = None
-        if background.kind == PRODUCT and session is base:
-            projected = ProjectedErrors(background, base.functionals, base.runner["reference"])
-        self.judge = Judge(base.runner["measured"], base.quantities, meter, projected, lambda: base.truth)
-        self.labels = [label for label in meter.labels if label != JOINT]
+        judging = Judging(base, session.background)
+        self.judge, self.labels = judging.judge, judging.labels
 
     def judged(self, setting: PBDW) -> dict[str, Array]:
         """Dimension, stability, errors and claimed deviations, level by level; NaN where the weight is unusable."""
