@@ -151,14 +151,16 @@ def reference_minimum_variance(
         Standard deviations of the prepared noise.
     """
     background = prepared.background
-    training = long(background.coefficients[:, prepared.steps])
+    training = long(background.coefficients[:, prepared.times])
+    # The whole cycle is estimated from the steps that are observed.
+    rows = np.searchsorted(prepared.times, prepared.steps)
     count = training.shape[2]
     mean = training.mean(axis=2)
     anomalies = (training - mean[:, :, None]) / np.sqrt(np.longdouble(count - 1))
     seen = _seen(background, functionals)
     weight = 1 / (long(sigma) * np.ones(functionals.count, dtype=np.longdouble))[:, None, None]
-    design = (weight * np.tensordot(seen, anomalies, axes=1)).reshape(-1, count)
-    shift = (weight * (long(data) - (seen @ mean)[:, :, None])).reshape(len(design), -1)
+    design = (weight * np.tensordot(seen, anomalies[:, rows], axes=1)).reshape(-1, count)
+    shift = (weight * (long(data) - (seen @ mean[:, rows])[:, :, None])).reshape(len(design), -1)
     level = np.hypot(np.longdouble(scale), np.longdouble(prepared.floors[0]))
     omega = least_squares(
         np.concatenate([design, level * np.eye(count)]), np.concatenate([shift, np.zeros((count, shift.shape[1]))])
