@@ -7,6 +7,7 @@ posterior's mean, which has the least mean-square error of all estimates.
 """
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -31,7 +32,7 @@ from dacore.core.observation import Functionals
 from dacore.errors import ShapeError
 from dacore.estimators.plausible import Plausibility
 from dacore.estimators.posterior_data import Compressed, Observed, model_errors
-from dacore.estimators.posterior_emulator import Emulator, emulate
+from dacore.estimators.posterior_emulator import Emulator, emulate, forward_of
 from dacore.estimators.posterior_modes import Gaussian, search, starts
 from dacore.estimators.posterior_sampling import Cloud, sample, uniform_points
 from dacore.estimators.posterior_uncertainty import ForwardErrors, LaplaceUncertainty, SampledUncertainty
@@ -170,6 +171,44 @@ class PreparedPosterior(PreparedEstimator):
             ),
         )
 
+    def log_posterior(self, data: Array, noise_scale: float, exact: bool = False) -> Callable[[Array], Array]:
+        """Logarithm (n,) of the posterior's density at coordinates (n, p), up to a constant.
+
+        Parameters
+        ----------
+        data : (m, t, 1) array
+            Of one series.
+        noise_scale : float
+        exact : bool
+            Ask the forward map itself, not its emulation.
+        """
+        raw = check_data(data, self.functionals.count, len(self.steps))
+        values = self.observed.compress(raw).values[0]
+        variance = self.observed.variance(check_scale(noise_scale, 1))[0]
+        if not exact:
+            return self._log_density(values, variance, self.observed.blocks)
+        forward = forward_of(self.background)
+
+        def log_density(x: Array) -> Array:
+            out = self.coordinates.log_prior(x)
+            inside = np.isfinite(out)
+            if inside.any():
+                made = self.observed.of_trajectories(forward.coefficients(self.coordinates.points(x[inside])))
+                out[inside] -= 0.5 * ((made - values) ** 2 / variance).sum(axis=1)
+            return out
+
+        return log_density
+
+    def _log_density(self, values: Array, variance: Array, blocks: Array) -> Callable[[Array], Array]:
+        root = np.sqrt(variance)
+        scaled, mine = blocks / root, values / root
+
+        def log_density(x: Array) -> Array:
+            misses = self.emulator.values(x, scaled) - mine
+            return np.asarray(self.coordinates.log_prior(x) - 0.5 * np.einsum("kd,kd->k", misses, misses))
+
+        return log_density
+
     def _uncertainty(self, found: "_Found") -> Uncertainty:
         p, q = len(self.coordinates.free), self.emulator.q
         if self.settings.posterior == "laplace":
@@ -267,12 +306,7 @@ class PreparedPosterior(PreparedEstimator):
         every = emulator.blocks()
         poor = 0
         for series, (value, spread, parts) in enumerate(zip(values, variance, modes.parts, strict=True), part.start):
-            scaled, mine = blocks / np.sqrt(spread), value / np.sqrt(spread)
-
-            def log_density(x: Array, scaled: Array = scaled, mine: Array = mine) -> Array:
-                misses = emulator.values(x, scaled) - mine
-                return np.asarray(coordinates.log_prior(x) - 0.5 * np.einsum("kd,kd->k", misses, misses))
-
+            log_density = self._log_density(value, spread, blocks)
             cloud = sample(log_density, parts, self.settings.points)
             poor += cloud.effective < _FEW
             states[:, series] = emulator.mean_values(cloud.points, cloud.weights, every)

@@ -117,6 +117,11 @@ class Observed:
         rest += (away**2).sum(axis=0) - (values**2).sum(axis=0)
         return Compressed(values.T, np.maximum(rest, 0.0))
 
+    def of_trajectories(self, coefficients: Array) -> Array:
+        """Compressed exact data (k, d) of trajectories (r, t, k) in the background's bases."""
+        images = np.tensordot(self._small, coefficients[:, self.steps], axes=1).reshape(len(self._mean), -1)
+        return np.asarray((self._directions.T @ (images - self._mean[:, None])).T)
+
     def variance(self, scale: Array) -> Array:
         """Variances (k, d) of the compressed data of series with noise of scales (k,)."""
         return np.asarray(scale[:, None] ** 2 + self.errors)

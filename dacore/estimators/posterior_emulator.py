@@ -141,15 +141,21 @@ def emulate(background: Background, tolerance: float, most: int) -> Emulator:
     CapabilityError
         If the background has no forward map.
     """
+    forward = forward_of(background)
+    known = _MADE.setdefault(background, {})
+    if (tolerance, most) not in known:
+        known[tolerance, most] = _Maker(background, forward, tolerance, most).run()
+    return known[tolerance, most]
+
+
+def forward_of(background: Background) -> ParametricMap:
+    """Return the forward map of a background; CapabilityError if it has none."""
     if background.forward is None:
         raise CapabilityError(
             "posterior: this training left no map from parameters to trajectories; train with "
             "training.method = 'reduced'"
         )
-    known = _MADE.setdefault(background, {})
-    if (tolerance, most) not in known:
-        known[tolerance, most] = _Maker(background, background.forward, tolerance, most).run()
-    return known[tolerance, most]
+    return background.forward
 
 
 # Masks, steps and other functionals need the same emulator; it goes when its background goes.

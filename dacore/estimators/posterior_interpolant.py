@@ -16,6 +16,8 @@ from dacore.core.arrays import Array, IntArray
 
 # Indices whose surplus is above this share of the largest are refined in one round.
 _TOGETHER = 0.3
+# A surplus is taken to be at least this share of those it follows: one may be small by chance, two hardly.
+_TRUST = 0.05
 # Nodes in each direction at most; hierarchical polynomials of higher degrees lose digits.
 MOST_NODES = 40
 
@@ -151,7 +153,9 @@ def interpolate(
         surplus = values - Interpolant(np.array(indices, dtype=np.int64), weights)(nodes)
         weights = np.concatenate([weights, surplus])
         indices += fresh
-        sizes |= dict(zip(fresh, size(surplus).tolist(), strict=True))
+        for index, own in zip(fresh, size(surplus).tolist(), strict=True):
+            below = max(sizes[each] for each in _below(index))
+            sizes[index] = max(own, _TRUST * below) if np.isfinite(below) else own
 
 
 def _neighbours(
@@ -162,7 +166,11 @@ def _neighbours(
     for index in chosen:
         for d in range(len(index)):
             new = (*index[:d], index[d] + 1, *index[d + 1 :])
-            below = [(*new[:e], new[e] - 1, *new[e + 1 :]) for e in range(len(new)) if new[e]]
-            if new[d] < MOST_NODES and new not in known and new not in out and all(each in refined for each in below):
-                out.append(new)
+            if new[d] < MOST_NODES and new not in known and new not in out:
+                out += [new] if all(each in refined for each in _below(new)) else []
     return out
+
+
+def _below(index: tuple[int, ...]) -> list[tuple[int, ...]]:
+    """Indices one lower in one direction."""
+    return [(*index[:d], index[d] - 1, *index[d + 1 :]) for d in range(len(index)) if index[d]]
