@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from dacore.core.arrays import Array, BoolArray, IntArray, as_indices
+from dacore.core.arrays import Array, BoolArray, IntArray, Sparse, as_indices
 from dacore.core.background import Background
 from dacore.core.fields import Layout
 from dacore.core.misfit import Misfit
@@ -14,6 +14,9 @@ from dacore.core.noise import NoiseModel
 from dacore.core.observation import Functionals
 from dacore.core.quantity import QuantityOfInterest
 from dacore.errors import CapabilityError, ShapeError
+
+# Functionals whose weights on whole trajectories, or representers whose states, are held at once.
+_PORTION = 64
 
 
 class Riesz(ABC):
@@ -60,6 +63,36 @@ class Uncertainty(ABC):
             As `variance` takes them.
         """
         return np.asarray(centre + float(norm.ppf(level)) * np.sqrt(self.variance(on_modes, on_correction)))
+
+    def at(self, step: int, series: int, steps: int, on_modes: Array, on_correction: Array | None) -> Array:
+        """Variance of many functionals of one state of one series: what a picture of a field's deviation needs.
+
+        This puts them into weights on whole trajectories; whoever can see a step by itself does better.
+
+        Parameters
+        ----------
+        step, series : int
+            Which state, counted as the estimate's own.
+        steps : int
+            How many the estimate has.
+        on_modes : (s, r) array
+        on_correction : (s, m) array or None
+
+        Returns
+        -------
+        (s,) array
+        """
+        out = np.empty(len(on_modes))
+        for start in range(0, len(on_modes), _PORTION):
+            part = slice(start, start + _PORTION)
+            whole = np.zeros((len(on_modes[part]), steps, on_modes.shape[1]))
+            whole[:, step] = on_modes[part]
+            correction = None
+            if on_correction is not None:
+                correction = np.zeros((len(whole), steps, on_correction.shape[1]))
+                correction[:, step] = on_correction[part]
+            out[part] = self.variance(whole, correction)[:, series]
+        return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +190,31 @@ class Estimate:
         """Standard deviation (s, k) of `quantity`; ShapeError if the estimator gives none."""
         uncertainty, on_modes, on_correction = self._uncertain(quantity)
         return np.asarray(np.sqrt(uncertainty.variance(on_modes, on_correction)))
+
+    def deviation(self, functionals: Sparse, step: int, series: int) -> Array:
+        """Standard deviation (s,) of functionals in space (s, n_dofs) of one state; ShapeError if there is none.
+
+        Parameters
+        ----------
+        functionals : (s, n_dofs) csr_array
+            Point values, for instance.
+        step, series : int
+            Which state, as `state` counts them.
+        """
+        if self.uncertainty is None:
+            raise ShapeError("this estimate carries no uncertainty; use an estimator that gives one")
+        pairing = None
+        if self.correction is not None and self.riesz is not None:
+            m = len(self.correction)
+            pairing = np.empty((functionals.shape[0], m))
+            for start in range(0, m, _PORTION):
+                some = np.eye(m, min(_PORTION, m - start), -start)
+                pairing[:, start : start + _PORTION] = functionals @ self.riesz.lift(some)
+        variance = self.uncertainty.at(
+            step, series, len(self.steps), self.background.observe(functionals),
+            pairing if pairing is not None and pairing.any() else None,
+        )  # fmt: skip
+        return np.asarray(np.sqrt(variance))
 
     def interval(self, quantity: QuantityOfInterest, level: float = 0.9) -> tuple[Array, Array]:
         """Central interval of `quantity` as (low, high), each (s, k); Gaussian unless the estimator knows better."""

@@ -165,29 +165,40 @@ class HeldOut(Uncertainty):
 
     def variance(self, on_modes: Array, on_correction: Array | None) -> Array:
         """Variance (s, k) of linear functionals of the trajectory; NaN for fewer than three samples."""
+        return self._of(on_modes, slice(None), self.scale)
+
+    def at(self, step: int, series: int, steps: int, on_modes: Array, on_correction: Array | None) -> Array:
+        """Variance (s,) of functionals (s, r) of one state of one series."""
+        return self._of(on_modes[:, None], slice(step, step + 1), self.scale[series : series + 1])[:, 0]
+
+    def _of(self, on_modes: Array, times: slice, scales: Array) -> Array:
+        """Variance (s, k) of functionals (s, t, r) of some of the states, at k noise scales."""
         p = self.prepared
         cycle = p.settings.window == "cycle"
         count = p.background.n_samples
-        groups = [slice(None)] if cycle else [slice(t, t + 1) for t in range(len(p.steps))]
-        full = [along(on_modes[:, g], p.anomalies[:, g]) for g in groups]
+        groups = [slice(None)] if cycle else [slice(t, t + 1) for t in range(on_modes.shape[1])]
+        # A window that is the whole cycle is used for each of its steps.
+        used = slice(None) if cycle else times
+        factors, floors, anomalies = p.factors[used], p.floors[used], p.anomalies[:, times]
+        full = [along(on_modes[:, g], anomalies[:, g]) for g in groups]
         folds = [
             (
                 fold,
-                along(on_modes, p.anomalies[:, :, fold.mask] - fold.mean[:, :, None]),
-                [along(on_modes[:, g], fold.anomalies[:, g]) for g in groups],
+                along(on_modes, anomalies[:, :, fold.mask] - fold.mean[:, times, None]),
+                [along(on_modes[:, g], fold.anomalies[:, times][:, g]) for g in groups],
             )
             for fold in p.held_out
         ]
-        out = np.empty((len(on_modes), len(self.scale)))
-        for series, scale in enumerate(self.scale):
+        out = np.empty((len(on_modes), len(scales)))
+        for series, scale in enumerate(scales):
             noise = np.zeros(len(on_modes))
-            for direction, each, floor in zip(full, p.factors, p.floors, strict=True):
+            for direction, each, floor in zip(full, factors, floors, strict=True):
                 gain = each.s * scale / (each.s**2 + np.hypot(scale, floor) ** 2)
                 noise += ((direction @ each.vt.T * gain) ** 2).sum(axis=1)
             error = np.full((len(on_modes), count), np.nan)
             for fold, truth, directions in folds:
                 found = np.zeros_like(truth)
-                for direction, (s, vt, data), floor in zip(directions, fold.factors, p.floors, strict=True):
+                for direction, (s, vt, data), floor in zip(directions, fold.factors[used], floors, strict=True):
                     gain = s / (s**2 + np.hypot(scale, floor) ** 2)
                     found += (direction @ vt.T * gain) @ data
                 error[:, fold.mask] = truth - found
@@ -213,16 +224,26 @@ class Posterior(Uncertainty):
 
     def variance(self, on_modes: Array, on_correction: Array | None) -> Array:
         """Variance (s, k) of linear functionals of the trajectory; there is no correction."""
+        return self._of(on_modes, slice(None), self.scale)
+
+    def at(self, step: int, series: int, steps: int, on_modes: Array, on_correction: Array | None) -> Array:
+        """Variance (s,) of functionals (s, r) of one state of one series."""
+        return self._of(on_modes[:, None], slice(step, step + 1), self.scale[series : series + 1])[:, 0]
+
+    def _of(self, on_modes: Array, times: slice, scales: Array) -> Array:
+        """Variance (s, k) of functionals (s, t, r) of some of the states, at k noise scales."""
         p = self.prepared
-        out = np.empty((len(on_modes), len(self.scale)))
-        if p.settings.window == "cycle":
-            groups = [along(on_modes, p.anomalies)]
+        out = np.empty((len(on_modes), len(scales)))
+        cycle, anomalies = p.settings.window == "cycle", p.anomalies[:, times]
+        used = slice(None) if cycle else times
+        if cycle:
+            groups = [along(on_modes, anomalies)]
         else:
-            groups = [on_modes[:, t] @ p.anomalies[:, t] for t in range(len(p.steps))]
-        for series, scale in enumerate(self.scale):
+            groups = [on_modes[:, t] @ anomalies[:, t] for t in range(on_modes.shape[1])]
+        for series, scale in enumerate(scales):
             left = np.zeros((len(on_modes), p.background.n_samples))
             noise = np.zeros(len(on_modes))
-            for direction, each, floor in zip(groups, p.factors, p.floors, strict=True):
+            for direction, each, floor in zip(groups, p.factors[used], p.floors[used], strict=True):
                 s, level = each.s, float(np.hypot(scale, floor))
                 parts = direction @ each.vt.T
                 left += direction - (parts * (s**2 / (s**2 + level**2))) @ each.vt

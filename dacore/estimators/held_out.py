@@ -3,6 +3,7 @@
 Spaces built from all trajectories would reproduce each of them and claim no error as n approaches their number.
 """
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -40,20 +41,30 @@ class Linear(Uncertainty):
         missed, noise = np.empty((2, len(on_modes), kinds.shape[1]))
         for number, kind in enumerate(kinds.T):
             used, ratios = kind[:spaces].astype(int), kind[spaces:]
-            missed[:, number], noise[:, number] = self._of(used, ratios, on_modes, on_correction)
+            missed[:, number], noise[:, number] = self._of(used, ratios, on_modes, on_correction, None)
         which = which.ravel()
         return np.asarray(missed[:, which] + noise[:, which] * self.scale**2)
 
-    def _of(self, used: IntArray, ratios: Array, on_modes: Array, on_correction: Array | None) -> tuple[Array, Array]:
+    def at(self, step: int, series: int, steps: int, on_modes: Array, on_correction: Array | None) -> Array:
+        """Variance (s,) of functionals (s, r) of one state of one series."""
+        extra = None if on_correction is None else on_correction[:, None]
+        used, ratios = self.used[:, series].astype(int), self.ratios[:, series]
+        missed, noise = self._of(used, ratios, on_modes[:, None], extra, [step])
+        return np.asarray(missed + noise * self.scale[series] ** 2)
+
+    def _of(
+        self, used: IntArray, ratios: Array, on_modes: Array, on_correction: Array | None, steps: Sequence[int] | None
+    ) -> tuple[Array, Array]:
         p = self.prepared
-        training = p.background.coefficients[:, p.steps]
+        chosen = slice(None) if steps is None else list(steps)
+        training = p.background.coefficients[:, p.steps[chosen]]
         error = np.full((len(on_modes), training.shape[2]), np.nan)
         for fold in p.without:
-            gain = p.gain(used, ratios, on_modes, on_correction, fold.projection)
+            gain = p.gain(used, ratios, on_modes, on_correction, fold.projection, steps)
             through = np.einsum("smt,mr->str", gain, p.observed_modes, optimize=True)
-            away = training[:, :, fold.mask] - fold.projection.offset[:, :, None]
+            away = training[:, :, fold.mask] - fold.projection.offset[:, chosen, None]
             error[:, fold.mask] = np.einsum("str,rtk->sk", on_modes - through, away, optimize=True)
-        gain = p.gain(used, ratios, on_modes, on_correction)
+        gain = p.gain(used, ratios, on_modes, on_correction, None, steps)
         coloured = p.noise.colour_transpose(gain.swapaxes(0, 1))
         return (error**2).mean(axis=1), np.asarray((coloured**2).sum(axis=(0, 2)))
 
@@ -112,3 +123,11 @@ class Sampled(Uncertainty):
                 error -= np.einsum("stm,mtk->sk", on_correction[:, :, self.prepared.keep], z, optimize=True)
             out[:, series] = (error**2).mean(axis=1)[:, None]
         return out
+
+    def at(self, step: int, series: int, steps: int, on_modes: Array, on_correction: Array | None) -> Array:
+        """Variance (s,) of functionals (s, r) of one state of one series."""
+        away, z = next((away, z) for who, away, z in self._errors if who[series])
+        error = on_modes @ away[:, step]
+        if on_correction is not None and z is not None:
+            error -= on_correction[:, self.prepared.keep] @ z[:, step]
+        return np.asarray((error**2).mean(axis=1))

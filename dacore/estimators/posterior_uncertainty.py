@@ -31,6 +31,13 @@ class ForwardErrors:
         seen = np.einsum("str,rtk->sk", on_modes, errors, optimize=True)
         return np.asarray((seen**2).mean(axis=1) + weights**2 @ self.assumed)
 
+    def at(self, step: int, on_modes: Array) -> tuple[Array, Array]:
+        """Weights (s, q) on the modes' coefficients, and variance (s,), of functionals (s, r) of one state."""
+        emulator = self.emulator
+        weights = (on_modes / emulator.scale) @ emulator.modes[:, step]
+        seen = on_modes @ emulator.errors[:, step]
+        return weights, np.asarray((seen**2).mean(axis=1) + weights**2 @ self.assumed)
+
 
 class LaplaceUncertainty(Uncertainty):
     """The Gaussian about the most probable parameters, carried to the states by their derivatives.
@@ -50,6 +57,11 @@ class LaplaceUncertainty(Uncertainty):
         weights, _ = self.errors.emulator.project(on_modes)
         moved = np.einsum("sq,kqp->skp", weights, self.anomalies, optimize=True)
         return np.asarray((moved**2).sum(axis=2) + self.errors.variance(on_modes, weights)[:, None])
+
+    def at(self, step: int, series: int, steps: int, on_modes: Array, on_correction: Array | None) -> Array:
+        """Variance (s,) of functionals (s, r) of one state of one series."""
+        weights, left = self.errors.at(step, on_modes)
+        return np.asarray(((weights @ self.anomalies[series]) ** 2).sum(axis=1) + left)
 
 
 class SampledUncertainty(Uncertainty):
@@ -79,6 +91,15 @@ class SampledUncertainty(Uncertainty):
         for series, (values, share) in enumerate(zip(self._values(weights), self.weights, strict=True)):
             out[:, series] = share @ (values - share @ values) ** 2
         return out + self.errors.variance(on_modes, weights)[:, None]
+
+    def at(self, step: int, series: int, steps: int, on_modes: Array, on_correction: Array | None) -> Array:
+        """Variance (s,) of functionals (s, r) of one state of one series."""
+        emulator, share = self.errors.emulator, self.weights[series]
+        # The modes' coefficients are few, so that each point is worth a product of small matrices.
+        values = emulator.values(self.points[series], emulator.blocks())
+        weights, left = self.errors.at(step, on_modes)
+        away = (values - share @ values) * np.sqrt(share)[:, None]
+        return np.asarray(((weights @ away.T) ** 2).sum(axis=1) + left)
 
     def quantile(self, centre: Array, level: float, on_modes: Array, on_correction: Array | None) -> Array:
         """Quantiles (s, k) of the points, blurred by the forward map's own errors."""

@@ -373,7 +373,7 @@ class PreparedPBDW(PreparedEstimator):
 
     def gain(
         self, used: IntArray, ratios: Array, on_modes: Array, on_correction: Array | None,
-        projection: Projection | None = None,
+        projection: Projection | None = None, steps: Sequence[int] | None = None,
     ) -> Array:  # fmt: skip
         """Weights (s, m, t) with which raw data enter linear functionals of the estimate.
 
@@ -385,12 +385,14 @@ class PreparedPBDW(PreparedEstimator):
             As `Uncertainty.variance` takes them.
         projection : Projection, optional
             Of spaces that have not seen some trajectories.
+        steps : (t,) sequence of int, optional
+            Which of the observed steps the functionals are of; None for all.
         """
-        p = projection or self.projection
-        out = np.zeros((len(on_modes), self.functionals.count, len(self.steps)))
-        for t in range(len(self.steps)):
+        p, steps = projection or self.projection, range(len(self.steps)) if steps is None else steps
+        out = np.zeros((len(on_modes), self.functionals.count, len(steps)))
+        for k, t in enumerate(steps):
             space = p.at(t)
             n = min(int(used[space]), p.modes[space].shape[1])
-            extra = None if on_correction is None else on_correction[:, t][:, self.keep]
-            out[:, self.keep, t] = p.gain(t, n, float(ratios[space]), on_modes[:, t], extra, self._corrects)
+            extra = None if on_correction is None else on_correction[:, k][:, self.keep]
+            out[:, self.keep, k] = p.gain(t, n, float(ratios[space]), on_modes[:, k], extra, self._corrects)
         return out
