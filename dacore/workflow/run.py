@@ -17,7 +17,6 @@ from dacore.workflow.report_parts import Table
 from dacore.workflow.results import summarise, write_json
 from dacore.workflow.session import Session
 from dacore.workflow.stages import targets
-from dacore.workflow.studies.output import study_numbers
 from dacore.workflow.studies.parallel import Job, run_studies
 from dacore.workflow.studies.stage import STUDY
 
@@ -72,6 +71,7 @@ def run_scene(
     started = time.perf_counter()
     # Drawing needs matplotlib; a plan does not.
     from dacore.workflow.output import all_studies, publish, tables
+    from dacore.workflow.studies.output import study_numbers
 
     board = board or ProgressBoard()
     workers = workers or usable_cores()

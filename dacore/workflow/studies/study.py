@@ -3,14 +3,16 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from dacore.core.arrays import Array
 from dacore.io.scene import Scene
-from dacore.workflow.canvas import Canvas
-from dacore.workflow.drawn import Drawn
 from dacore.workflow.report_parts import Table
 from dacore.workflow.studies.bench import Bench
+
+if TYPE_CHECKING:  # drawing needs matplotlib; stages do not
+    from dacore.workflow.canvas import Canvas
+    from dacore.workflow.drawn import Drawn
 
 # What a run of a scene asks for in any case.
 VALIDATED = ("validation",)
@@ -81,7 +83,7 @@ class Exhibit:
     """
 
     text: str
-    parts: Sequence[Table | Drawn]
+    parts: "Sequence[Table | Drawn]"
     scores: Sequence[Score] = ()
 
 
@@ -109,5 +111,5 @@ class Study(ABC):
         """Find out. Everything random comes from seeds in the settings, and no state is changed."""
 
     @abstractmethod
-    def show(self, found: Findings, canvas: Canvas) -> Exhibit:
+    def show(self, found: Findings, canvas: "Canvas") -> Exhibit:
         """Show what was found."""
