@@ -126,8 +126,28 @@ class PreparedPosterior(PreparedEstimator):
         anywhere = 2.0 * uniform_points(_PLACES, len(self.coordinates.free)) - 1.0
         self.places = np.concatenate([np.clip(emulator.training, -1.0, 1.0), anywhere])
         self.errors = ForwardErrors(emulator, model_errors(emulator, background))
+        self.observed.errors *= self._inflation()
         seen = background.observe(functionals.matrix)[keep]
         self._plausibility = Plausibility(seen, background.coefficients[:, steps], self.observed.noise)
+
+    def _inflation(self) -> float:
+        """Factor on the covariance of the map's own errors, so that exact data of training samples give them back.
+
+        A covariance of few samples is too small in some directions, and exact data would be trusted most just there.
+        """
+        b, observed = self.background, self.observed
+        places = np.clip(self.emulator.training[:_CHUNK], -1.0, 1.0)
+        data = observed.of_trajectories(b.coefficients[:, :, : len(places)])
+        root = np.sqrt(observed.errors)
+
+        def residuals(x: Array, rows: IntArray) -> tuple[Array, Array]:
+            value, slopes = self.emulator.slopes(x, observed.blocks)
+            return (value - data[rows]) / root, slopes / root[:, None]
+
+        x, _, precision = search(residuals, self.prior, places)
+        away = x - places
+        squares = np.einsum("kp,kpq,kq->k", away, precision, away, optimize=True) / away.shape[1]
+        return max(float(squares.mean()), 1.0)
 
     @property
     def inf_sup(self) -> Array:

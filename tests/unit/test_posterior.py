@@ -69,7 +69,7 @@ def curved(seed=0):
     return background_of(function, parameters), function
 
 
-def grid_posterior(function, functionals, parameters, data, sigma, count=400):
+def grid_posterior(function, functionals, parameters, data, sigma, count=200):
     """Points, weights and states of the posterior on a grid that is uniform in the parameters."""
     ends = [(p.low, p.high) for p in parameters.parameters]
     axes = [low + (high - low) * (np.arange(count) + 0.5) / count for low, high in ends]
@@ -124,7 +124,7 @@ def test_far_from_the_ends_of_the_ranges_an_affine_map_has_the_gaussian_posterio
     assert (estimate.misfit.freedom == M * STEPS - 3).all()
 
 
-@pytest.mark.parametrize("sigma", [0.5, 1.0, 5.0])
+@pytest.mark.parametrize("sigma", [1.0, 5.0])
 def test_a_curved_posterior_is_that_of_quadrature(sigma, functionals):
     b, function = curved()
     rng = np.random.default_rng(5)
