@@ -19,7 +19,7 @@ from dacore.studies.cohort_estimates import Cohort, CohortOutcome, estimate_coho
 from dacore.studies.errors import JOINT
 from dacore.studies.validation import PRIOR
 from dacore.workflow.canvas import Canvas
-from dacore.workflow.drawn import Drawn, Plot
+from dacore.workflow.drawn import Drawn, Plot, tag
 from dacore.workflow.report_parts import Cell, Table
 from dacore.workflow.studies.bench import Bench
 from dacore.workflow.studies.study import Exhibit, Findings, Score, Study
@@ -27,6 +27,8 @@ from dacore.workflow.studies.variants import chosen_estimators
 from dacore.workflow.tables import name_of, noise_name, number_text, percent, quantity_title
 
 SHOWN = 0.9
+# Of fewer patients, shares of the truths inside intervals say little.
+ENOUGH = 100
 
 
 @dataclass(frozen=True)
@@ -141,57 +143,56 @@ class CohortStudy(Study):
         ]  # fmt: skip
         return Exhibit(text, [part for part in parts if part is not None], self._scores(found))
 
-    def _label(self, canvas: Canvas, name: str, level: float) -> str:
-        return f"{name_of(canvas.session.builder, name)}, {noise_name(level)}"
-
     def _draw_told(self, found: Findings, canvas: Canvas, unit: str, title: str) -> list[Drawn]:
         if len(self.groups) < 2:
             return []
-        a, raised = found.arrays, found.arrays["group"] == 1
-        panels, curves = [], []
-        for e, name, k, level in self._rows(found):
-            label, limit = self._label(canvas, name, level), self.limit(found)
-            low, high = (self._quantile(found, e, k, tail) for tail in (0.5 - SHOWN / 2, 0.5 + SHOWN / 2))
-            known = low is not None and high is not None
-            panels.append(
-                ClassPanel(
-                    label, a["truth"], a["estimate"][e, k], raised, limit, low if known else None,
-                    high if known else None,
+        a, raised, limit = found.arrays, found.arrays["group"] == 1, self.limit(found)
+        names, out = (self.groups[0].name, self.groups[1].name), []
+        for k, level in enumerate(found.facts["levels"]):
+            panels, curves = [], []
+            for e, name in enumerate(found.facts["estimators"]):
+                label = name_of(canvas.session.builder, name)
+                low, high = (self._quantile(found, e, k, tail) for tail in (0.5 - SHOWN / 2, 0.5 + SHOWN / 2))
+                ends = (low, high) if low is not None and high is not None else (None, None)
+                panels.append(ClassPanel(label, a["truth"], a["estimate"][e, k], raised, limit, *ends))
+                curve = self.classification(found, e, k).curve
+                curves.append(
+                    OperatingLine(label, curve.false_positive, curve.true_positive, curve.area, curve.interval)
+                )
+            caption = f"{canvas.caption} · {noise_name(level)}"
+            out.append(
+                Drawn(
+                    f"groups_{tag(level)}", Plot(classification, panels, curves, title, unit, names, SHOWN, caption),
+                    f"{title}, {noise_name(level)}: estimate against truth with {100 * SHOWN:.0f}% intervals, the "
+                    "threshold between the groups, and operating curves as it moves.",
+                    f"scatter of estimated against true {title} of two groups, and operating curves",
                 )
             )  # fmt: skip
-            curve = self.classification(found, e, k).curve
-            curves.append(OperatingLine(label, curve.false_positive, curve.true_positive, curve.area, curve.interval))
-        names = (self.groups[0].name, self.groups[1].name)
-        return [
-            Drawn(
-                "groups",
-                Plot(classification, panels, curves, title, unit, names, SHOWN, canvas.caption),
-                f"{title}: estimate against truth with {100 * SHOWN:.0f}% intervals, the threshold between the groups, "
-                "and operating curves as it moves.",
-                f"scatter of estimated against true {title} of two groups, and operating curves",
-            )
-        ]
+        return out
 
     def _draw_claimed(self, found: Findings, canvas: Canvas) -> list[Drawn]:
-        curves = []
-        for e, name, k, level in self._rows(found):
-            one = self.calibration(found, e, k)
-            if one is not None:
-                note = f"errors / claimed {one.spread:.2f}"
-                cover = one.coverage
-                label = self._label(canvas, name, level)
-                curves.append(CalibrationCurve(label, cover.levels, cover.empirical, one.transform, note))
-        if not curves:
+        if len(found.arrays["truth"]) < ENOUGH:
             return []
-        return [
-            Drawn(
-                "claims",
-                Plot(calibration, curves, caption=canvas.caption),
-                "How often central intervals hold the truth against their nominal level, and where truths fall in what "
-                "is claimed: flat where claims are honest. Bands: 95% of honest claims.",
-                "coverage curves beside the diagonal, and histograms",
-            )
-        ]
+        out = []
+        for k, level in enumerate(found.facts["levels"]):
+            curves = []
+            for e, name in enumerate(found.facts["estimators"]):
+                one = self.calibration(found, e, k)
+                if one is not None:
+                    note, cover = f"errors / claimed {one.spread:.2f}", one.coverage
+                    label = name_of(canvas.session.builder, name)
+                    curves.append(CalibrationCurve(label, cover.levels, cover.empirical, one.transform, note))
+            if curves:
+                out.append(
+                    Drawn(
+                        f"claims_{tag(level)}",
+                        Plot(calibration, curves, caption=f"{canvas.caption} · {noise_name(level)}"),
+                        f"How often central intervals hold the truth against their nominal level, {noise_name(level)}, "
+                        "and where truths fall in what is claimed: flat where claims are honest. Bands: 95% of honest "
+                        "claims.", "coverage curves beside the diagonal, and histograms",
+                    )
+                )  # fmt: skip
+        return out
 
     def _quantile(self, found: Findings, estimator: int, level: int, chance: float) -> Array | None:
         place = int(np.argmin(np.abs(found.arrays["probabilities"] - chance)))
