@@ -146,15 +146,8 @@ def sample(log_density: LogDensity, parts: Sequence[tuple[Array, Array, float]],
     count : int
         Points.
     """
-    best: Cloud | None = None
-    for _ in range(_ROUNDS):
-        proposal = Mixture(parts)
-        points = proposal.draw(count)
-        log_weights = log_density(points) - proposal.log_density(points)
-        weights = np.exp(log_weights - log_weights.max())
-        cloud = Cloud(points, weights / weights.sum())
-        if best is None or cloud.effective > best.effective:
-            best = cloud
+    best = cloud = _weighted(log_density, Mixture(parts), count)
+    for _ in range(_ROUNDS - 1):
         if best.effective >= _ENOUGH * count:
             break
         mean, covariance = cloud.moments
@@ -162,6 +155,14 @@ def sample(log_density: LogDensity, parts: Sequence[tuple[Array, Array, float]],
         before = sum(share * each for _, each, share in parts)
         share = min(cloud.effective / (10.0 * len(mean)), 1.0)
         parts = [(mean, share * covariance + (1 - share) * before + 1e-18 * np.eye(len(mean)), 1.0)]
-    if best is None:  # _ROUNDS is positive
-        raise AssertionError
+        cloud = _weighted(log_density, Mixture(parts), count)
+        if cloud.effective > best.effective:
+            best = cloud
     return best
+
+
+def _weighted(log_density: LogDensity, proposal: Mixture, count: int) -> Cloud:
+    points = proposal.draw(count)
+    log_weights = log_density(points) - proposal.log_density(points)
+    weights = np.exp(log_weights - log_weights.max())
+    return Cloud(points, weights / weights.sum())
