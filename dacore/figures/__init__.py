@@ -30,6 +30,7 @@ one into PNG or SVG bytes.
 `mismatch.mismatch`       errors and alarms against what is wrong with the model
 `placement.placement`     what placed measurements are worth
 `learned.learned`         how much data said of each parameter
+`parameters.parameters`   estimated against true parameters
 ========================  ==========================================================
 """
 

@@ -123,7 +123,7 @@ def classification(
         if index % columns == 0:
             axes.set_ylabel(f"estimated {pretty(name)}  [{unit}]")
     if curves:
-        _curves(grid.flat[len(panels)], curves)
+        _curves(grid.flat[len(panels)], curves, beside=total < rows * columns)
     legend_below(figure, list(grid.flat[: len(panels)]))
     return figure
 
@@ -183,7 +183,8 @@ def _scatter(
     axes.ticklabel_format(useOffset=False)
 
 
-def _curves(axes: Axes, curves: Sequence[OperatingLine]) -> None:
+def _curves(axes: Axes, curves: Sequence[OperatingLine], beside: bool) -> None:
+    """Draw operating curves; their legend stands beside them where the last row has room for it."""
     axes.plot([0, 1], [0, 1], color=FAINT, linewidth=0.9, linestyle=(0, (2, 3)))
     dashes = ("-", (0, (6, 2)), (0, (3, 1.5)), (0, (1, 1.2)))
     for index, curve in enumerate(curves):
@@ -196,4 +197,11 @@ def _curves(axes: Axes, curves: Sequence[OperatingLine]) -> None:
     axes.set_title("operating curve", pad=16)
     axes.set_xlabel("normal called raised  [–]")
     axes.set_ylabel("raised called raised  [–]")
-    axes.legend(loc="lower right", fontsize=7.5, labelspacing=0.7)
+    if beside:
+        legend = axes.legend(
+            loc="upper left", bbox_to_anchor=(1.04, 1.02), fontsize=7.5, labelspacing=0.6, borderaxespad=0.0
+        )
+        # It lies over empty panels, which the layout must not make room for.
+        legend.set_in_layout(False)
+    else:
+        axes.legend(loc="lower right", fontsize=6.5 if len(curves) > 2 else 7.5, labelspacing=0.7)

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from dacore.core.arrays import Array
 from dacore.errors import ShapeError
-from dacore.figures.style import INK, WIDTH, colour, legend_below, log_axis, marker, pretty, sheet, styled
+from dacore.figures.style import INK, WIDTH, colour, legend_below, log_axis, marker, pretty, sheet, styled, title_text
 
 
 @styled
@@ -38,9 +38,16 @@ def data_amount(
     """
     if len(amounts) != len(counts) or not amounts or not errors:
         raise ShapeError(f"data: got {len(amounts)} amounts with {len(counts)} counts, expected as many, and an error")
-    columns = min(3, len(errors))
+    # Labels of many amounts need room.
+    columns = min(2 if len(errors) == 4 or len(amounts) > 3 else 3, len(errors))
     rows = -(-len(errors) // columns)
-    figure, grid = sheet(rows, columns, 2.9 * rows + 0.4, caption, width=WIDTH if columns > 1 else 5.0)
+    width = WIDTH if columns > 1 else 5.0
+    letters = int((width / columns - 0.7) / len(amounts) / 0.075)
+    labels = [
+        f"{title_text(amount, max(letters, 6))}\n$m$ = {count:,}" for amount, count in zip(amounts, counts, strict=True)
+    ]
+    deepest = max(label.count("\n") for label in labels)
+    figure, grid = sheet(rows, columns, (2.7 + 0.13 * deepest) * rows + 0.4, caption, width=width)
     names = list(dict.fromkeys(name for each in errors.values() for name in each))
     places = np.arange(len(amounts))
     for axes in grid.flat[len(errors) :]:
@@ -71,7 +78,6 @@ def data_amount(
                 factor * guess[measure], color=INK, linewidth=1.1, linestyle=(0, (5, 3)),
                 label="guessing the training mean",
             )  # fmt: skip
-        labels = [f"{pretty(amount)}\n$m$ = {count:,}" for amount, count in zip(amounts, counts, strict=True)]
         axes.set_xticks(places, labels, fontsize=7.5 if len(amounts) > 3 else 8)
         axes.set_xlim(-0.5, len(amounts) - 0.5)
         axes.set_title(pretty(measure))

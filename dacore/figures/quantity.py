@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 from dacore.core.arrays import Array
 from dacore.errors import ShapeError
-from dacore.figures.style import FAINT, INK, WIDTH, colour, legend_below, pretty, sheet, styled, title_text
+from dacore.figures.style import FAINT, INK, WIDTH, colour, legend_below, pretty, share_text, sheet, styled, title_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +27,8 @@ class QuantityPanel:
         Of k cases.
     deviation : (k,) array, optional
         Standard deviation the estimator claims.
+    learned : float, optional
+        Share of the prior's variance that the claimed one takes away.
     """
 
     column: str
@@ -34,6 +36,7 @@ class QuantityPanel:
     truth: Array
     estimate: Array
     deviation: Array | None = None
+    learned: float | None = None
 
     def __post_init__(self) -> None:
         for what, values in (("estimate", self.estimate), ("deviation", self.deviation)):
@@ -132,9 +135,11 @@ def _panel(
     for beyond, place, mark in ((estimate > high, high - edge, "^"), (estimate < low, low + edge, "v")):
         axes.plot(truth[beyond], np.full(int(beyond.sum()), place), mark, color=colour(index), markersize=5)
     error = float(np.sqrt(np.mean((estimate - truth) ** 2)))
-    note = f"rms error {error:,.0f}" if error >= 100 else f"rms error {error:.2g}"
+    note = f"rms error {float(f'{error:.3g}'):,.0f}" if error >= 100 else f"rms error {error:.2g}"
     if not inside.all():
         note += f" · {int((~inside).sum())} of {len(truth)} outside"
+    elif panel.learned is not None and panel.learned > 0:
+        note += f" · {share_text(panel.learned)} learned"
     axes.text(0.5, 1.015, note, transform=axes.transAxes, ha="center", va="bottom", fontsize=8)
     axes.set(xlim=limits, ylim=limits, aspect="equal")
     axes.locator_params(nbins=5)

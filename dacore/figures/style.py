@@ -67,8 +67,8 @@ _LOOK: Any = {
     "lines.linewidth": 1.6,
     "lines.markersize": 5.0,
     "figure.facecolor": "white",
-    "figure.titlesize": 10.5,
-    "figure.titleweight": "bold",
+    "figure.titlesize": 8.5,
+    "figure.titleweight": "normal",
     "savefig.facecolor": "white",
     "mathtext.fontset": "dejavusans",
     "svg.fonttype": "path",
@@ -98,7 +98,7 @@ def sheet(
     figure = Figure(figsize=(width, height + (0.3 if caption else 0.0)), layout=layout)
     axes = figure.subplots(rows, columns, squeeze=False, **options)
     if caption:
-        figure.suptitle(pretty(caption))
+        figure.suptitle(pretty(caption), color="#5F5F5F")
     return figure, axes
 
 
@@ -194,13 +194,29 @@ def percent_text(value: float) -> str:
     return (text.rstrip("0").rstrip(".") if "." in text else text) + " %"
 
 
+def share_text(share: float) -> str:
+    """A share of variance learned as a percentage, with more digits near all of it: "63%", "99.97%", "0%"."""
+    value = 100 * float(np.clip(share, 0.0, 1.0))
+    # A tenth of the deviation and a hundredth differ in digits after the point alone.
+    return f"{value:.0f}%" if value < 98.5 else f"{min(float(f'{value:.4g}'), 100.0):g}%"
+
+
 def legend_below(figure: Figure, axes: Sequence[Axes]) -> None:
-    """Put one legend for all axes under the figure, each label once."""
+    """Put one legend for all axes under the figure, each label once, in as many columns as its width has room for."""
     entries: dict[str, Any] = {}
     for each in axes:
         for handle, label in zip(*each.get_legend_handles_labels()):
             entries.setdefault(label, handle)
     if entries:
-        figure.legend(
-            list(entries.values()), list(entries), loc="outside lower center", ncols=min(len(entries), 5)
-        )  # fmt: skip
+        # A letter of the legend's size is about this wide, and a handle with its gaps half an inch.
+        longest = max(len(line) for label in entries for line in plain_text(label).split("\n"))
+        room = int(figure.get_figwidth() // (0.072 * longest + 0.5))
+        columns = max(1, min(len(entries), 5, room))
+        # Rows of one length: four entries in two and two, not in three and one.
+        columns = -(-len(entries) // -(-len(entries) // columns))
+        figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns)
+
+
+def plain_text(label: str) -> str:
+    """A label without the marks of subscripts and mathematics, to know how long it looks."""
+    return re.sub(r"\$_\{\\mathrm\{(\w+)\}\}\$|\\(?:hat|mathrm)|[${}\\]", r"\1", label)

@@ -1,12 +1,14 @@
 """What every picture of a run needs: results, the plane it looks at, names, values on the plane."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse import block_diag, csr_array, hstack
 
-from dacore.core.arrays import Array
-from dacore.core.estimator import BackgroundSpace
+from dacore.core.arrays import Array, Sparse
+from dacore.core.estimator import BackgroundSpace, Estimate
 from dacore.core.fields import Field
 from dacore.dynamics.march import MarchedModel
 from dacore.figures.comparison import Compared
@@ -112,6 +114,19 @@ class Canvas:
         times = self.session.background.times
         return len(times) // 2 if moment is None else int(np.argmin(np.abs(times - moment)))
 
+    def measured_step(self, step: int) -> int:
+        """Measured step next to a recorded one."""
+        measured = self.session.builder.observed(len(self.session.background.times))
+        return step if measured is None else int(measured[np.argmin(np.abs(measured - step))])
+
+    def shown_step(self, estimates: Sequence[Estimate]) -> int:
+        """Recorded step next to the scene's time of the worst case, among those that all estimates are of."""
+        step = self.step_at(self.session.builder.scene.report.worst_time)
+        shared = set(range(len(self.session.background.times)))
+        for estimate in estimates:
+            shared &= set(estimate.steps.tolist())
+        return min(shared, key=lambda each: (abs(each - step), each)) if shared else step
+
     def quantity_unit(self, name: str) -> str:
         """Unit of a quantity."""
         return unit_text(self.session.builder.quantities[name].functionals(self.session.background.space).unit)
@@ -120,31 +135,71 @@ class Canvas:
         """Outcomes of the estimators at one noise level, in the order of the scene."""
         return [self.session.validation.outcome(name, level) for name in self.session.builder.scene.estimator]
 
-    def values(self, view: View, states: Array, field: str) -> Array:
-        """Values of a field of states (n_dofs, n) on a cut: (n, c, q)."""
+    def points(self, view: View, field: str) -> Sparse:
+        """Values of a field at the points of a cut, as functionals (c · q, n_dofs), component by component."""
         space = self.session.background.space
         layout, cells = space.layout, space.cells()
         matrix = view.cut.interpolation(cells.nodes[field], cells.orders[field], layout.nodes[field])
-        values = states.reshape(states.shape[0], -1)[layout.block(field)]
-        parts = values.reshape(layout.field(field).components, layout.nodes[field], -1)
-        return np.stack([np.asarray(matrix @ part).T for part in parts], axis=1)
+        block = layout.block(field)
+        inside = block_diag([matrix] * layout.field(field).components, format="csr")
+        before, after = (csr_array((inside.shape[0], n)) for n in (block.start, space.n_dofs - block.stop))
+        return csr_array(hstack([before, inside, after], format="csr"))
 
-    def compared(self, view: View, field: str, truth: Array, estimate: Array, outcome: Outcome) -> Compared:
-        """Truth and estimate of a field on a cut: the length of a vector, a scalar less its contrast's constant."""
+    def values(self, view: View, states: Array, field: str) -> Array:
+        """Values of a field of states (n_dofs, n) on a cut: (n, c, q)."""
+        states = states.reshape(states.shape[0], -1)
+        parts = self.session.background.space.layout.field(field).components
+        found = np.asarray(self.points(view, field) @ states)
+        return found.reshape(parts, -1, states.shape[1]).transpose(2, 0, 1)
+
+    def compared(
+        self, view: View, field: str, truth: Array, estimate: Array, outcome: Outcome, deviation: Array | None = None
+    ) -> Compared:
+        """Truth and estimate of a field on a cut: the length of a vector, a scalar less its contrast's constant.
+
+        Parameters
+        ----------
+        view : View
+        field : str
+        truth, estimate : (n_dofs,) arrays
+        outcome : Outcome
+        deviation : (c, q) array, optional
+            Standard deviation of each component at the points of the cut; of a vector, the root of the sum of
+            their squares is shown.
+        """
         one = self.values(view, truth, field)[0]
         other = self.values(view, estimate, field)[0]
         unit = unit_text(self.session.background.space.layout.field(field).unit)
-        label = f"{name_of(self.session.builder, outcome.estimator)}"
+        label = name_of(self.session.builder, outcome.estimator)
+        spread = inside = None
+        if deviation is not None and np.isfinite(deviation).all():
+            spread = np.linalg.norm(deviation, axis=0)
+            inside = float((np.abs(other - one) <= 2.0 * deviation).mean())
         if len(one) > 1:
             size = np.linalg.norm(one, axis=0)
             return Compared(
-                f"|{field}|", unit, size, np.linalg.norm(other, axis=0), None, np.linalg.norm(other - one, axis=0),
-                label, signed=False,
+                f"|{field}|", unit, size, np.linalg.norm(other, axis=0), spread, np.linalg.norm(other - one, axis=0),
+                inside, label, signed=False,
             )  # fmt: skip
+        name, constant = field, 0.0
         for contrast in self.session.builder.scene.validation.contrasts:
             if contrast.field == field:
+                name = f"{field} − {contrast.minus}"
                 constant = self.session.background.parameters[contrast.minus].low
-                return Compared(
-                    f"{field} − {contrast.minus}", unit, one[0] - constant, other[0] - constant, label=label
-                )
-        return Compared(field, unit, one[0], other[0], label=label)
+                break
+        return Compared(name, unit, one[0] - constant, other[0] - constant, spread, inside=inside, label=label)
+
+    def deviation(self, view: View, estimate: Estimate, case: int, step: int, field: str) -> Array | None:
+        """Standard deviations (c, q) that an estimate claims of a field on a cut; None where it claims none."""
+        if estimate.uncertainty is None:
+            return None
+        parts = self.session.background.space.layout.field(field).components
+        return estimate.deviation(self.points(view, field), _row(estimate, step), case).reshape(parts, -1)
+
+    def state(self, estimate: Estimate, case: int, step: int) -> Array:
+        """The state (n_dofs,) of a case at a recorded step, one that the estimate is of."""
+        return estimate.state(series=case, step=_row(estimate, step))
+
+
+def _row(estimate: Estimate, step: int) -> int:
+    return int(np.flatnonzero(estimate.steps == step)[0])

@@ -3,7 +3,9 @@
 from collections.abc import Iterable, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+import numpy as np
 
 from dacore.core.space import StateSpace
 from dacore.figures.style import png
@@ -15,6 +17,7 @@ from dacore.workflow.build import Builder
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.drawn import Drawn, Plot, tag, unit_text
 from dacore.workflow.pictures import draw_all
+from dacore.workflow.pictures_parameters import misfit_table, parameter_tables, parametric
 from dacore.workflow.report import write_report
 from dacore.workflow.report_parts import Card, Picture, Provenance, Report, Section, Table, Timing
 from dacore.workflow.results import SAME_DISCRETISATION
@@ -31,8 +34,10 @@ from dacore.workflow.tables import (
     quantity_title,
     reduction_table,
     refinement_table,
+    value_text,
 )  # fmt: skip
 
+_OF_PARAMETERS = ("parameters", "learned")
 _END_OF_PNG = b"IEND\xaeB`\x82"
 
 
@@ -48,6 +53,8 @@ def tables(session: Session, joint: bool = True) -> list[Table]:
     builder, space, validation = session.builder, session.model.space, session.validation
     labels = [label for label in validation.errors if joint or label != JOINT]
     out = [error_table(builder, space, validation, level, labels) for level in builder.scene.noise.levels]
+    if (misfits := misfit_table(session)) is not None:
+        out.append(misfits)
     if builder.scene.report.published:
         out.append(published_table(builder, space, validation))
     if builder.scene.validation.refine_time > 1:
@@ -110,10 +117,11 @@ def write_fields(session: Session, folder: Path) -> list[Path]:
         if best.estimate is None:
             continue
         case = best.worst_case(validation.headline)
-        truth, estimate = session.truth[case].states, best.estimate.state(series=case)
+        steps = best.estimate.steps
+        truth, estimate = session.truth[case].states[:, steps], best.estimate.state(series=case)
         path = folder / f"worst_case_{tag(level)}.xdmf"
         series = {"truth_": truth, "estimate_": estimate, "difference_": estimate - truth}
-        write_series(background.space, series, background.times, path)
+        write_series(background.space, series, background.times[steps], path)
         files.append(path)
     spaces = Canvas(session).spaces
     if spaces:
@@ -173,6 +181,14 @@ def make_report(
         ),
         Section("Errors over the cycle", "", take(*(f"errors_{t}" for t in tags))),
         Section("Numbers of interest", "", take(*(f"quantity_{name}" for name in builder.scene.quantity))),
+        Section(
+            "Parameters",
+            "",
+            [
+                *parameter_tables(session),
+                *take(*(f"{what}_{name}" for name in parametric(session) for what in _OF_PARAMETERS)),
+            ],
+        ),
         Section("Background spaces", "", take("singular_values", "inf_sup", "bound", "modes")),
         *(each.section(pictures) for each in studies),
         Section("All studies", "", all_studies(session) if studies else []),
@@ -182,7 +198,7 @@ def make_report(
         scene.title,
         f"dacore {summary['versions']['dacore']} · {scene.physics.kind}"
         + (f" on {scene.discretization.backend}" if scene.domain is not None else ""),
-        cards(builder, session.model.space, validation),
+        [*cards(builder, session.model.space, validation), *quantity_cards(builder, session.model.space, validation)],
         [section for section in sections if section.parts],
         Provenance(facts, timings, memory),
         scene_text,
@@ -209,6 +225,43 @@ def cards(builder: Builder, space: StateSpace, validation: Validation) -> list[C
                 f"{what}, {noise_name(level)}", value,
                 f"{name_of(builder, best.estimator)}; guessing the mean: {known}",
                 "good" if mean < 0.5 * guess else "bad" if mean > guess else "",
+            )
+        )  # fmt: skip
+    return out
+
+
+def quantity_cards(builder: Builder, space: StateSpace, validation: Validation) -> list[Card]:
+    """The number of interest of the median case at the highest noise level, as whoever finds it best gives it."""
+    level, out = max(builder.scene.noise.levels), []
+    for name in list(builder.scene.quantity)[:2]:
+        quantity = builder.quantities[name]
+        best = min(
+            (validation.outcome(each, level) for each in builder.scene.estimator), key=lambda o: o.quantities[name].rms
+        )
+        found, guess = best.quantities[name], validation.outcome(PRIOR, 0.0).quantities[name]
+        if len(found.truth) > 1 or best.estimate is None:
+            # A number for each time is a curve, and no headline.
+            continue
+        errors = np.abs(found.estimate - found.truth)[0]
+        case = int(np.argsort(errors)[len(errors) // 2])
+        value, truth, claimed = (float(each[0, case]) for each in (found.estimate, found.truth, found.deviation))
+        # As many digits as mean something: those of the deviation, or of the error without one.
+        size = claimed if np.isfinite(claimed) and claimed > 0 else found.rms
+        note = f"true: {value_text(truth, size).partition(' ')[0]}"
+        tone: Literal["", "good", "bad"] = ""
+        if best.estimate.uncertainty is not None and np.isfinite(claimed):
+            low, high = (float(each[0, case]) for each in best.estimate.interval(quantity))
+            ends = (value_text(each, size).partition(" ")[0] for each in (low, high))
+            note += f"; 90% interval: {' to '.join(ends)}"
+            tone = "good" if low <= truth <= high and size < 0.5 * guess.rms else ""
+        shown = value_text(value, size).partition(" ")[0]
+        out.append(
+            Card(
+                f"{quantity_title(builder, name)}, {noise_name(level)}, median case",
+                f"{shown} {unit_text(quantity.functionals(space).unit)}",
+                f"{note}; training mean: {value_text(float(guess.estimate[0, case]), guess.rms)}. "
+                f"{name_of(builder, best.estimator)}",
+                tone,
             )
         )  # fmt: skip
     return out

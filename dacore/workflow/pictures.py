@@ -6,6 +6,7 @@ from dacore.workflow.canvas import Canvas
 from dacore.workflow.drawn import Drawn
 from dacore.workflow.pictures_errors import draw_histories, draw_quantities, draw_summary
 from dacore.workflow.pictures_fields import draw_hero, draw_measured, draw_worst
+from dacore.workflow.pictures_parameters import draw_parameters
 from dacore.workflow.pictures_spaces import draw_modes, draw_spaces
 
 
@@ -24,4 +25,5 @@ def draw_all(canvas: Canvas) -> Iterator[Drawn]:
     if scene.report.states:
         yield from draw_histories(canvas)
     yield from draw_quantities(canvas)
+    yield from draw_parameters(canvas)
     yield from draw_spaces(canvas)

@@ -9,6 +9,7 @@ from dacore.studies.errors import JOINT
 from dacore.studies.validation import PRIOR
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.drawn import Drawn, Plot, error_name, sheets, tag
+from dacore.workflow.results import learned_of
 from dacore.workflow.tables import name_of, noise_name, quantity_title
 
 
@@ -82,7 +83,8 @@ def draw_quantities(canvas: Canvas) -> list[Drawn]:
                 Drawn(
                     stem, Plot(quantity, panels, name, unit, known, canvas.caption),
                     f"{name}: estimate against truth for every unseen case, with the 90% interval each estimator "
-                    "claims; the band is the training mean and its error.",
+                    "claims; the band is the training mean and its error. Learned: share of the training set's "
+                    "variance that the claimed one takes away, median.",
                     f"scatter plots of estimated against true {name}",
                 )
             )  # fmt: skip
@@ -90,7 +92,10 @@ def draw_quantities(canvas: Canvas) -> list[Drawn]:
 
 
 def _panel(canvas: Canvas, title: str, estimator: str, level: float) -> QuantityPanel:
-    q = canvas.session.validation.outcome(estimator, level).quantities[title]
+    outcome = canvas.session.validation.outcome(estimator, level)
+    q = outcome.quantities[title]
     deviation = q.deviation.ravel() if np.isfinite(q.deviation).all() else None
     name = name_of(canvas.session.builder, estimator)
-    return QuantityPanel(name, noise_name(level), q.truth.ravel(), q.estimate.ravel(), deviation)
+    shares = learned_of(canvas.session.validation, outcome, title)
+    learned = float(np.median(shares)) if np.isfinite(shares).all() else None
+    return QuantityPanel(name, noise_name(level), q.truth.ravel(), q.estimate.ravel(), deviation, learned)

@@ -22,7 +22,7 @@ def draw_measured(canvas: Canvas) -> list[Drawn]:
     axis, places, _ = found
     cells = session.background.space.cells()
     view = View(cut_plane(cells.points, cells.cells, axis, float(places[len(places) // 2])), canvas.frame)
-    step = canvas.step_at(session.builder.scene.report.measured_time)
+    step = canvas.measured_step(canvas.step_at(session.builder.scene.report.measured_time))
     values = {"exact": session.validation.clean[:, step, 0]}
     for level, data in session.validation.data.items():
         if level > 0:
@@ -44,30 +44,41 @@ def draw_measured(canvas: Canvas) -> list[Drawn]:
 
 
 def draw_worst(canvas: Canvas, level: float) -> list[Drawn]:
-    """Truth, reconstruction and difference of each field in the worst case, every estimator a row."""
+    """Truth, reconstruction, difference and claimed deviation of each field in the worst case, an estimator a row."""
     session = canvas.session
     view = canvas.view()
-    step = canvas.step_at(session.builder.scene.report.worst_time)
-    outcomes = canvas.outcomes(level)
+    outcomes = [(o, o.estimate) for o in canvas.outcomes(level) if o.estimate is not None]
+    step = canvas.shown_step([estimate for _, estimate in outcomes])
     best = session.validation.best(list(session.builder.scene.estimator), level)
     case = best.worst_case(session.validation.headline)
     truth = session.truth[case].states[:, step]
-    estimates = [o.estimate.state(series=case, step=step) for o in outcomes if o.estimate is not None]
+    shown = [(o, estimate, canvas.state(estimate, case, step)) for o, estimate in outcomes if step in estimate.steps]
     when = f"t = {time_text(session.background.times[step])}, case {case + 1}, {noise_name(level)}"
     dashed = " Dashed: the measured slice." if view.slabs else ""
     out = []
     for field in session.background.space.fields:
         rows = [
-            canvas.compared(view, field.name, truth, estimate, outcome)
-            for outcome, estimate in zip(outcomes, estimates, strict=True)
+            canvas.compared(
+                view, field.name, truth, state, outcome, canvas.deviation(view, estimate, case, step, field.name)
+            )
+            for outcome, estimate, state in shown
         ]
+        claims = ""
+        if any(row.deviation is not None for row in rows):
+            claims = (
+                " Right: the standard deviation that is claimed, on the scale of the difference"
+                + (" (root of the sum of squares over the components)" if field.components > 1 else "")
+                + "; of right claims about 95% of the errors"
+                + (", component by component," if field.components > 1 else "")
+                + " lie within two, though neighbours err together."
+            )
         for name, part in sheets(f"worst_{field.name}_{tag(level)}", rows):
             out.append(
                 Drawn(
                     name, Plot(comparison, view, part, f"{canvas.caption} · {when}"),
                     f"{rows[0].name} at {when}: the case that “{name_of(session.builder, best.estimator)}” "
-                    f"reconstructs worst.{dashed}",
-                    f"slices of true and reconstructed {field.name} and their difference",
+                    f"reconstructs worst.{dashed}{claims}",
+                    f"slices of true and reconstructed {field.name}, their difference and claimed deviation",
                 )
             )  # fmt: skip
     return out
@@ -86,7 +97,7 @@ def draw_hero(canvas: Canvas) -> list[Drawn]:
         return []
     axis, places, _ = found
     cells = session.background.space.cells()
-    step = canvas.step_at(session.builder.scene.report.worst_time)
+    step = canvas.measured_step(canvas.shown_step([best.estimate]))
     case = int(np.argsort(best.space_time[label])[len(best.space_time[label]) // 2])
     f = session.functionals
     axes = np.abs(f.directions).argmax(axis=1)
@@ -95,7 +106,7 @@ def draw_hero(canvas: Canvas) -> list[Drawn]:
     flat = View(cut_plane(cells.points, cells.cells, axis, float(places[len(places) // 2])), canvas.frame)
     view = canvas.view()
     truth = session.truth[case].states[:, step]
-    compared = canvas.compared(view, hidden.name, truth, best.estimate.state(series=case, step=step), best)
+    compared = canvas.compared(view, hidden.name, truth, canvas.state(best.estimate, case, step), best)
     f_values = session.validation.data[level][chosen, step, case]
     layout = session.background.space.layout
     field = next(each for each in layout.fields if f.matrix[:, layout.block(each.name)].nnz)

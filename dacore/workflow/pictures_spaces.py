@@ -48,7 +48,7 @@ def draw_spaces(canvas: Canvas) -> list[Drawn]:
         ),
         Drawn(
             "bound", Plot(bound, bounds, canvas.caption),
-            "The a-priori bound ε̂_n/β_n and the dimension in use. ε̂_n is a mean-square tail, not a worst case.",
+            "The a-priori bound ε̂_n / β_n and the dimension in use. ε̂_n is a mean-square tail, not a worst case.",
             "bound, tails and stability constants against the dimension, with the dimension in use marked",
         ),
     ]  # fmt: skip

@@ -9,12 +9,16 @@ from itertools import count
 from dacore.workflow.report_parts import Card, Cell, Picture, Provenance, Report, Table, Timing
 from dacore.workflow.report_style import POLICY, STYLE
 
+_BACK = '<a class="back" href="#top" aria-label="Back to the contents">↑</a>'
+# Longer tables are folded; print shows them whole.
+_LONG = 14
+
 
 def render_report(report: Report) -> str:
     """Turn a report into HTML; the same report gives the same text."""
     numbers = {"Figure": count(1), "Table": count(1)}
     sections = [
-        f'<section id="s{i}">\n<h2>{_inline(section.title)}</h2>\n{_paragraphs(section.text)}'
+        f'<section id="s{i}">\n<h2>{_inline(section.title)}{_BACK}</h2>\n{_paragraphs(section.text)}'
         + "".join(_part(part, numbers) for part in section.parts)
         + "</section>\n"
         for i, section in enumerate(report.sections, start=1)
@@ -24,7 +28,7 @@ def render_report(report: Report) -> str:
         sections.append(_provenance(report.provenance or Provenance(), report.scene, len(titles) + 1))
         titles.append("Provenance")
     links = "".join(f'<li><a href="#s{i}">{_inline(title)}</a></li>' for i, title in enumerate(titles, start=1))
-    navigation = f'<nav aria-label="Sections"><ol>{links}</ol></nav>\n' if len(titles) > 1 else ""
+    navigation = f'<nav aria-label="Contents"><ol>{links}</ol></nav>\n' if len(titles) > 1 else ""
     cards = "".join(_card(card) for card in report.cards)
     subtitle = f'<p class="subtitle">{_inline(report.subtitle)}</p>\n' if report.subtitle else ""
     return (
@@ -32,7 +36,7 @@ def render_report(report: Report) -> str:
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
         f"<title>{_escape(report.title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
-        f"<header>\n<h1>{_inline(report.title)}</h1>\n{subtitle}{navigation}"
+        f'<header id="top">\n<h1>{_inline(report.title)}</h1>\n{subtitle}{navigation}'
         + (f'<div class="cards">{cards}</div>\n' if cards else "")
         + f"</header>\n<main>\n{''.join(sections)}</main>\n"
         "<footer>\n<p>Made by dacore.</p>\n</footer>\n</body>\n</html>\n"
@@ -54,7 +58,7 @@ def _picture(picture: Picture, number: int) -> str:
     size = picture.size
     shape = f' width="{size[0]}" height="{size[1]}"' if size else ""
     data = base64.b64encode(picture.data).decode("ascii")
-    caption = f'<span class="number">Figure {number}.</span> {_inline(picture.caption)}'
+    caption = f'<span class="number">Figure {number}.</span> {_inline(_sentence(picture.caption))}'
     return (
         f'<figure>\n<div class="plate"><img src="data:{picture.mime};base64,{data}" '
         f'alt="{_escape(picture.alt)}"{shape}></div>\n<figcaption>{caption}</figcaption>\n'
@@ -65,14 +69,18 @@ def _picture(picture: Picture, number: int) -> str:
 def _table(table: Table, numbers: "Mapping[str, count[int]]") -> str:
     caption = ""
     if table.caption:
-        caption = f'<p class="caption"><span class="number">Table {next(numbers["Table"])}.</span> '
-        caption += f"{_inline(table.caption)}</p>\n"
+        folded = len(table.rows) > _LONG
+        tag = "span" if folded else "p"
+        count_of = f' <span class="count">({len(table.rows)} rows)</span>' if folded else ""
+        caption = f'<{tag} class="caption"><span class="number">Table {next(numbers["Table"])}.</span> '
+        caption += f"{_inline(_sentence(table.caption))}{count_of}</{tag}>\n"
     numeric = [_numeric([_cell(row[k]).text for row in table.rows]) for k in range(len(table.headers))]
     head = "".join(
         f'<th scope="col"{_classes("r" if right else "")}>{_inline(name)}</th>'
         for name, right in zip(table.headers, numeric)
     )
     body = []
+    grouped = any(not _cell(row[0]).text for row in table.rows)
     for row in table.rows:
         cells = [_cell(entry) for entry in row]
         first = f'<th scope="row"{_classes(cells[0].tone)}>{_inline(cells[0].text)}</th>'
@@ -80,12 +88,18 @@ def _table(table: Table, numbers: "Mapping[str, count[int]]") -> str:
             f"<td{_classes('r' if right else '', cell.tone)}>{_inline(cell.text)}</td>"
             for cell, right in zip(cells[1:], numeric[1:])
         )
-        body.append(f"<tr>{first}{rest}</tr>\n")
+        # Rows without a name belong to the one above.
+        starts = grouped and bool(cells[0].text)
+        body.append(f"<tr{_classes('group' if starts else '')}>{first}{rest}</tr>\n")
     note = f'<p class="note">{_inline(table.note)}</p>\n' if table.note else ""
-    return (
-        f'<div class="table">\n{caption}<div class="scroll" tabindex="0">\n<table>\n<thead><tr>{head}</tr></thead>\n'
-        f"<tbody>\n{''.join(body)}</tbody>\n</table>\n</div>\n{note}</div>\n"
+    whole = (
+        f'<div class="scroll" tabindex="0">\n<table>\n<thead><tr>{head}</tr></thead>\n'
+        f"<tbody>\n{''.join(body)}</tbody>\n</table>\n</div>\n{note}"
     )
+    if len(table.rows) > _LONG and caption:
+        whole = f'<details class="long">\n<summary>{caption}</summary>\n{whole}</details>\n'
+        return f'<div class="table">\n{whole}</div>\n'
+    return f'<div class="table">\n{caption}{whole}</div>\n'
 
 
 def _provenance(provenance: Provenance, scene: str, number: int) -> str:
@@ -143,6 +157,11 @@ def _duration(seconds: float) -> str:
     return f"{minutes} min {rest:02d} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
+def _sentence(text: str) -> str:
+    """Begin a caption with a capital, if it begins with a word and not with the name of a quantity."""
+    return text[0].upper() + text[1:] if re.match(r"[a-z]{2,}(?![\w./^])", text) else text
+
+
 def _escape(text: str) -> str:
     # Control characters are not allowed in HTML, even escaped.
     return html.escape(re.sub(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]", "\N{REPLACEMENT CHARACTER}", text), quote=True)
@@ -159,7 +178,9 @@ def _inline(text: str) -> str:
         if index % 2:
             pieces[index] = f"<code>{piece}</code>"
         else:
+            # "0.1% (0.3%)" stays on one line, and so does "3 %".
             tied = re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", piece)
+            tied = re.sub(r"^([\d.,e+−-]+%?) (\([\d.,e+−-]+%?\))$", "\\1\N{NO-BREAK SPACE}\\2", tied)
             strong = re.sub(r"\*\*(.+?)\*\*", r"<strong>\1</strong>", tied)
             pieces[index] = re.sub(
                 r"(?<![\w./&])([^\W\d_]{1,2}\u0302?)_([A-Za-z0-9]+)(?![\w/;]|\.\w)", r"\1<sub>\2</sub>", strong

@@ -18,7 +18,7 @@ body {
   margin: 0; background: var(--page); color: var(--ink);
   font: 16px/1.6 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif;
 }
-main, header, footer { max-width: 960px; margin: 0 auto; padding: 0 24px; }
+main, header, footer { max-width: 1080px; margin: 0 auto; padding: 0 24px; }
 header { padding-top: 48px; }
 h1 { font-size: 2rem; line-height: 1.2; margin: 0 0 .35em; letter-spacing: -.015em; text-wrap: balance; }
 h2 { font-size: 1.35rem; line-height: 1.3; margin: 0 0 .6em; letter-spacing: -.01em; }
@@ -29,8 +29,20 @@ sub { font-size: .72em; line-height: 0; }
 code, pre { font-family: ui-monospace, SFMono-Regular, Menlo, Consolas, "DejaVu Sans Mono", monospace; }
 code { font-size: .88em; background: var(--page); padding: .1em .3em; border-radius: 4px; overflow-wrap: anywhere; }
 nav ol {
-  list-style: none; display: flex; flex-wrap: wrap; gap: 6px 18px; padding: 0; margin: 20px 0 0;
-  font-size: .92rem;
+  list-style: none; columns: 210px 4; column-gap: 24px; padding: 14px 18px; margin: 22px 0 0;
+  font-size: .9rem; line-height: 1.75; border: 1px solid var(--line); border-radius: 10px; background: var(--card);
+  counter-reset: part;
+}
+nav li { break-inside: avoid; padding-left: 1.9em; text-indent: -1.9em; counter-increment: part; }
+nav li::before {
+  content: counter(part); display: inline-block; width: 1.9em; text-indent: 0; color: var(--soft);
+  font-variant-numeric: tabular-nums;
+}
+.back { float: right; font-size: .9rem; font-weight: 400; text-decoration: none; color: var(--soft); padding: 0 .3em; }
+@media (min-width: 1540px) {
+  nav { position: fixed; top: 0; bottom: 0; left: calc(50% - 766px); width: 206px; overflow-y: auto; }
+  nav ol { columns: 1; margin: 48px 0 24px; padding: 0; border: 0; background: none; font-size: .84rem; }
+  .back { display: none; }
 }
 nav a { text-decoration: none; } nav a:hover { text-decoration: underline; }
 .cards {
@@ -58,12 +70,17 @@ figcaption, .table .caption, .table .note {
 .table .caption { margin: 0 0 8px; }
 .number { color: var(--ink); font-weight: 600; }
 .scroll { overflow-x: auto; }
-table { border-collapse: collapse; width: 100%; font-size: .92rem; font-variant-numeric: tabular-nums; }
-th, td { padding: 7px 12px; border-bottom: 1px solid var(--line); text-align: left; vertical-align: baseline; }
+table {
+  border-collapse: collapse; width: 100%; font-size: .88rem; line-height: 1.45; font-variant-numeric: tabular-nums;
+}
+th, td { padding: 6px 10px; border-bottom: 1px solid var(--line); text-align: left; vertical-align: baseline; }
 thead th { color: var(--soft); font-weight: 600; border-bottom-width: 2px; vertical-align: bottom; }
 tbody th { font-weight: 500; min-width: 8.5em; }
 tbody tr:last-child > * { border-bottom: 0; }
 .r { text-align: right; }
+tr:not(.group) > th:empty { border-bottom-color: transparent; }
+tr.group > * { border-top: 1px solid var(--soft); }
+tbody tr.group:first-child > * { border-top: 0; }
 td.best { font-weight: 700; color: var(--good); background: var(--good-bg); }
 td.bad { color: var(--bad); background: var(--bad-bg); }
 td.muted, th.muted { color: var(--soft); }
@@ -73,6 +90,10 @@ td.metered { width: 38%; vertical-align: middle; }
 .facts h3 { font-size: 1rem; margin: 18px 0 4px; }
 .facts td { overflow-wrap: anywhere; }
 .facts .wide { grid-column: 1 / -1; }
+details.long { margin: 0; border: 1px solid var(--line); border-radius: 8px; padding: 10px 14px; }
+details.long .caption { margin: 0; font-weight: 400; }
+details.long .scroll { margin-top: 10px; }
+.count { white-space: nowrap; }
 details { margin-top: 22px; border-top: 1px solid var(--line); padding-top: 14px; }
 summary { cursor: pointer; font-weight: 600; }
 pre {
@@ -94,6 +115,11 @@ footer { color: var(--soft); font-size: .86rem; padding-bottom: 48px; }
   section { border: 0; padding: 0; } h2 { break-after: avoid; }
   figure, tr, .card { break-inside: avoid; } .plate { border: 0; padding: 0; } .scroll { overflow: visible; }
   pre { white-space: pre-wrap; }
+  .back { display: none; }
+  details.long { border: 0; padding: 0; } details.long::details-content { content-visibility: visible; }
+  details.long > summary { list-style: none; }
+  th, td { padding: 3px 5px; } table { font-size: 8.5pt; } thead { display: table-header-group; }
+  .cards { grid-template-columns: repeat(3, 1fr); } figure { margin-top: 12px; } .plate img { max-height: 22cm; }
 }
 """
 

@@ -69,7 +69,7 @@ def summarise(session: Session, seconds: float, expected: Sequence[PlannedStage]
         "estimators": {name: _estimator(session.judged(name)) for name in scene.estimator},
         "cautions": list(session.cautions),
         "joint_weights": dict(validation.joint_weights),
-        "validation": [_outcome(validation, outcome) for outcome in validation.outcomes],
+        "validation": [_outcome(session, outcome) for outcome in validation.outcomes],
     }
     if scene.training.method == "reduced":
         summary["reduced_training"] = _reduced(session)
@@ -178,7 +178,24 @@ def _mean(values: Array) -> Array:
     return np.asarray(finite.mean() if finite.size else np.nan)
 
 
-def _outcome(validation: Validation, outcome: Outcome) -> dict[str, Any]:
+def true_parameters(session: Session, names: Sequence[str]) -> Array:
+    """True parameters (p, k) of the unseen cases."""
+    samples = session.runner["truth"].samples
+    columns = [session.parameters.names.index(name) for name in names]
+    return np.asarray(samples, dtype=np.float64)[:, columns].T
+
+
+def learned_of(validation: Validation, outcome: Outcome, quantity: str) -> Array:
+    """Share (s, k) of a quantity's variance over the training set that the claimed one takes away; NaN without any."""
+    prior = validation.outcome(PRIOR, 0.0).quantities[quantity].deviation
+    claimed = outcome.quantities[quantity].deviation
+    # An estimate of some of the times has fewer numbers than the prior has.
+    known = prior if prior.shape == claimed.shape else np.broadcast_to(np.median(prior, axis=0), claimed.shape)
+    return np.asarray(1.0 - np.divide(claimed, known, out=np.full_like(claimed, np.nan), where=known > 0) ** 2)
+
+
+def _outcome(session: Session, outcome: Outcome) -> dict[str, Any]:
+    validation = session.validation
     prior = validation.outcome(PRIOR, 0.0)
     errors = {}
     for label in validation.errors:
@@ -201,11 +218,33 @@ def _outcome(validation: Validation, outcome: Outcome) -> dict[str, Any]:
             "truth": numbers(quantity.truth),
             "estimate": numbers(quantity.estimate),
             "standard_deviation": numbers(quantity.deviation),
+            "variance_learned": numbers(learned_of(validation, outcome, name)),
         }
-    return {
+    found: dict[str, Any] = {
         "estimator": outcome.estimator,
         "noise": outcome.noise,
         "errors": errors,
         "quantities": quantities,
         "seconds_for_all_cases": round(outcome.seconds, 4),
     }
+    if outcome.misfit is not None:
+        misfit = outcome.misfit
+        found["misfit"] = {
+            "ratio": numbers(misfit.ratio),
+            "probability": numbers(misfit.probability),
+            "alarm": misfit.alarm.tolist(),
+        }
+    if outcome.parameters is not None:
+        estimate = outcome.parameters
+        truth = true_parameters(session, estimate.names)
+        found["parameters"] = {
+            name: {
+                "truth": numbers(truth[row]),
+                "estimate": numbers(estimate.values[row]),
+                "standard_deviation": numbers(estimate.deviation[row]),
+                "deviation_of_the_prior": numbers(estimate.prior[row]),
+                "variance_learned": numbers(estimate.learned[row]),
+            }
+            for row, name in enumerate(estimate.names)
+        }
+    return found

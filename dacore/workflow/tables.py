@@ -21,7 +21,7 @@ def percent(value: float) -> str:
     scaled = 100 * value
     if scaled >= 1e5 or 0 < scaled < 1e-3:
         mantissa, exponent = f"{scaled:.1e}".split("e")
-        return f"{mantissa}e{int(exponent)}%"
+        return f"{mantissa.removesuffix('.0')}e{int(exponent)}%"
     if scaled >= 100:
         return f"{float(f'{scaled:.2g}'):.0f}%"
     return f"{scaled:.2g}%"
@@ -32,6 +32,14 @@ def number_text(value: float) -> str:
     if not np.isfinite(value) or abs(value) >= 1e7 or 0 < abs(value) < 1e-3:
         return f"{value:.2e}"
     return f"{float(f'{value:.3g}'):,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+
+
+def value_text(value: float, deviation: float) -> str:
+    """A value with the digits that its deviation leaves certain, and that: "10,252 ± 41", "3.142 ± 0.012"."""
+    if not (np.isfinite(value) and np.isfinite(deviation) and deviation > 0):
+        return number_text(value)
+    digits = int(np.clip(1 - np.floor(np.log10(deviation)), 0, 6))
+    return f"{value:,.{digits}f} ± {float(f'{deviation:.2g}'):,.{digits}f}"
 
 
 def noise_name(level: float) -> str:

@@ -15,11 +15,12 @@ from dacore.figures.cycle import ErrorHistory, cycle_errors
 from dacore.figures.hero import Hidden, Measured, hero
 from dacore.figures.inf_sup import InfSupCurve, inf_sup
 from dacore.figures.modes import ModeField, modes, thin
+from dacore.figures.parameters import ParameterPanel, parameters
 from dacore.figures.quantity import QuantityPanel, quantity
 from dacore.figures.slices import HEAD, Frame, Slab, View, scale
 from dacore.figures.spectrum import Spectrum, spectrum
 from dacore.figures.stability import RadiusCurve, RadiusMap, stability
-from dacore.figures.style import percent_text, png, pretty, svg
+from dacore.figures.style import percent_text, plain_text, png, pretty, share_text, svg
 from dacore.figures.summary import summary
 from dacore.figures.voxels import component_name, measured_slice, on_slice
 from dacore.geometry.cut import cut_plane, planar_domain
@@ -252,8 +253,59 @@ def test_comparison_with_deviation_and_given_difference(view):
     assert [axes.get_title() for axes in panels[:4]][3] == "standard deviation"
     assert bar_labels(figure)[1:3] == ["|Δu|  [cm]", "std  [cm]"]
     assert figure.get_suptitle() == "sagittal plane x = 2.1 cm"
+    fills = [axes.collections[0] for axes in panels[:4]]
+    assert fills[3].norm.vmin == 0.0
+    assert fills[3].norm.vmax == fills[2].norm.vmax
     with pytest.raises(ShapeError, match="one value a point of the cut"):
         comparison(view, [Compared("p", "1", ones, ones[1:])])
+
+
+@pytest.mark.parametrize(("claimed", "shown"), [(0.5, 1.0), (2.0, 2.0), (50.0, 3.0)])
+def test_claims_and_errors_share_a_scale_that_tells_errors_apart(view, claimed, shown):
+    error = np.linspace(-1.0, 1.0, len(view.cut.points))
+    row = Compared("p", "1", 0 * error, error, deviation=np.full_like(error, claimed), inside=0.625)
+    figure = comparison(view, [row])
+    panels = drawn(figure)
+    difference, deviation = (axes.collections[0].norm for axes in panels[2:])
+    assert (difference.vmin, difference.vmax) == (-shown, shown)
+    assert (deviation.vmin, deviation.vmax) == (0.0, shown)
+    assert [text.get_text() for text in panels[3].texts] == ["62% of errors within 2 std"]
+
+
+def test_parameters_have_a_panel_each_in_their_range_and_are_grey_if_not_seen(rng):
+    truth = np.array([2e-9, 5e-9, 8e-9])
+    values = {"no noise": (truth, 1e-10 + 0 * truth), "10% noise": (5e-9 + 0 * truth, 2e-9 + 0 * truth)}
+    seen = ParameterPanel("kappa", "cm²", 1e-9, 1e-8, truth, values, {"no noise": 0.9998, "10% noise": 0.02})
+    unseen = ParameterPanel("E", "dyn/cm²", 1e3, 1e5, 1e13 * truth, {}, {"no noise": 0.03}, logarithmic=True)
+    panels = drawn(parameters([seen, unseen], "case"))
+    assert [axes.get_title() for axes in panels] == ["kappa  [10⁻⁹ cm²]", "E  [dyn/cm²]"]
+    assert [text.get_text() for text in panels[0].texts] == ["learned 99.98% / 2%"]
+    assert panels[0].get_facecolor() != panels[1].get_facecolor()
+    assert panels[0].get_xlim() == panels[0].get_ylim()
+    assert panels[0].get_xlim()[0] < 1.0 < 10.0 < panels[0].get_xlim()[1]
+    assert panels[1].get_xscale() == "log"
+    dots = next(line for line in panels[0].lines if line.get_label() == "no noise")
+    np.testing.assert_allclose(dots.get_xydata(), 1e9 * np.stack([truth, truth], axis=1))
+    with pytest.raises(ShapeError, match="kappa, x: got shapes"):
+        ParameterPanel("kappa", "cm²", 0.0, 1.0, truth, {"x": (truth[1:], truth)}, {})
+    with pytest.raises(ShapeError, match="no panel"):
+        parameters([])
+
+
+def test_shares_near_all_keep_their_digits():
+    assert [share_text(each) for each in (-0.2, 0.004, 0.634, 0.9, 0.9997, 1.0)] == [
+        "0%", "0%", "63%", "90%", "99.97%", "100%",
+    ]  # fmt: skip
+
+
+def test_a_legend_is_no_wider_than_its_figure():
+    long = [Spectrum(f"an estimator with quite a long title, number {k}", np.ones(3)) for k in range(5)]
+    figure = spectrum(long)
+    drawn(figure)
+    figure.canvas.draw()
+    box = figure.legends[0].get_window_extent()
+    assert box.width <= figure.get_figwidth() * figure.dpi
+    assert plain_text(pretty("p − p_csf")) == "p − pcsf"
 
 
 def test_the_measured_slab_is_drawn_only_across_the_view(view):

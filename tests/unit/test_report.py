@@ -20,6 +20,7 @@ from dacore.workflow.report import (
     render_report,
     write_report,
 )  # fmt: skip
+from dacore.workflow.tables import percent, value_text
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 
@@ -103,9 +104,12 @@ def test_is_well_formed_and_holds_everything():
 def test_links_lead_to_sections():
     page = Reader(render_report(full_report()))
     targets = {"#" + attrs["id"] for attrs in page.all("section")}
-    links = [attrs["href"] for attrs in page.all("a")]
+    links = [attrs["href"] for attrs in page.all("a") if attrs.get("class") != "back"]
     assert len(links) == 3
     assert set(links) == targets
+    back = [attrs["href"] for attrs in page.all("a") if attrs.get("class") == "back"]
+    assert back == ["#top"] * 2
+    assert [attrs["id"] for attrs in page.all("header")] == ["top"]
 
 
 def test_loads_and_runs_nothing():
@@ -159,6 +163,46 @@ def test_columns_of_numbers_are_aligned_right():
     assert '<td class="r">−1.5</td><td>y</td>' in text
 
 
+def one_table(rows, caption="errors"):
+    return render_report(Report("t", sections=[Section("s", parts=[Table(["a", "b"], rows, caption)])]))
+
+
+def test_long_tables_are_folded_and_named_before_they_are_opened():
+    short, long = (one_table([[f"row {k}", "1"] for k in range(n)]) for n in (14, 15))
+    assert "details" not in {tag for tag, _ in Reader(short).tags}
+    page = Reader(long)
+    assert len(page.all("details")) == 1
+    assert "Table 1. Errors (15 rows)" in " ".join(page.text.split())
+    assert long.index("</summary>") < long.index("row 0")
+    assert "::details-content" in long  # print shows what is folded
+
+
+def test_rows_without_a_name_belong_to_the_one_above():
+    text = one_table([["x", "1"], ["", "2"], ["y", "3"]])
+    assert [attrs.get("class") for attrs in Reader(text).all("tr")][1:] == ["group", None, "group"]
+    assert 'class="group"' not in one_table([["x", "1"], ["y", "2"]])
+
+
+@pytest.mark.parametrize(
+    ("caption", "expected"),
+    [
+        ("no noise: errors", "No noise: errors"),
+        ("p − p_csf at 3 ms", "p − p<sub>csf</sub> at 3 ms"),
+        ("|u| at 3 ms", "|u| at 3 ms"),
+        ("u_x", "u<sub>x</sub>"),
+        ("10% noise", "10% noise"),
+        ("dacore/io is", "dacore/io is"),
+    ],
+)
+def test_captions_begin_with_a_capital_unless_with_a_symbol(caption, expected):
+    assert f"</span> {expected}" in one_table([["x", "1"]], caption)
+
+
+def test_a_mean_and_its_worst_stay_on_one_line():
+    assert "0.061%\u00a0(0.073%)" in one_table([["x", "0.061% (0.073%)"]])
+    assert "1e-5\u00a0(2e-4)" in one_table([["x", "1e-5 (2e-4)"]])
+
+
 def test_file_is_written_whole_and_the_same_each_time(tmp_path):
     target = tmp_path / "out" / "report.html"
     assert write_report(target, full_report()) == target
@@ -190,3 +234,10 @@ def test_an_empty_report_is_a_page():
     page = Reader(render_report(Report("Only a title")))
     assert page.all("nav") == []
     assert page.all("section") == []
+
+
+def test_numbers_are_as_long_as_they_mean_something():
+    assert [percent(each) for each in (2e4, 2.6e4, 0.93, 0.0012, 2e-7)] == ["2e6%", "2.6e6%", "93%", "0.12%", "2e-5%"]
+    assert value_text(10252.4, 41.3) == "10,252 ± 41"
+    assert value_text(3.14159, 0.0123) == "3.142 ± 0.012"
+    assert value_text(3.14159, float("nan")) == value_text(3.14159, 0.0) == "3.14"
