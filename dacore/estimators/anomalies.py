@@ -125,7 +125,7 @@ def innovation(prepared: "PreparedMinimumVariance", seen: Sequence[tuple[Array, 
         mine, right, square = which == number, np.zeros(count), float(level) ** 2
         missing = 0.0
         for (squares, left), each, floor in zip(seen, prepared.factors, prepared.floors, strict=True):
-            total = square + floor**2 + beyond_training
+            total = square + max(floor**2, beyond_training)
             signal, rest = 1.0 / (each.s**2 + total), 1.0 / total
             # Noise fills the directions of the anomalies and all others.
             beyond = max(len(each.base) - len(each.s), 0)

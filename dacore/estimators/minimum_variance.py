@@ -61,7 +61,7 @@ class MinimumVariance(Estimator):
     floor : float or "held_out"
         What the training set cannot represent acts like noise even when the data are exact. Its standard
         deviation, relative to the largest singular value; or measured on training trajectories held out
-        in turn.
+        in turn, together with what compression and reduced training state that they leave out.
     deviations : {"held_out", "model"}
         Where standard deviations come from: the errors on training trajectories held out in turn, plus the
         noise that comes through; or the Gaussian posterior, which takes the training set's covariance for
@@ -178,7 +178,9 @@ class PreparedMinimumVariance(PreparedEstimator):
         smallest = SMALLEST_FLOOR * largest
         if self.settings.floor != "held_out":
             return max(self.settings.floor * largest, smallest)
-        return max(unrepresented(white * np.sqrt(self.background.n_samples - 1), size), smallest)
+        missed = unrepresented(white * np.sqrt(self.background.n_samples - 1), size)
+        # Trajectories held out come from the same reduced model: what that leaves out, they do not show.
+        return max(float(np.hypot(missed, np.sqrt(self.unlearned))), smallest)
 
     @property
     def inf_sup(self) -> Array:
