@@ -182,6 +182,7 @@ def _validate(name: str, adapter: "TypeAdapter[Any]", value: Any) -> Any:
 
 def _first(name: str, value: Any, errors: "list[ErrorDetails]") -> _TableError:
     """Return the first of the deepest errors; where several types are allowed, what each expects is joined."""
+    errors = [error for error in errors if not _only_seems_short(error)] or errors
     places = [_place(value, error["loc"]) for error in errors]
     depth = max(len(steps) for steps, _ in places)
     path, given = next(place for place in places if len(place[0]) == depth)
@@ -194,6 +195,11 @@ def _first(name: str, value: Any, errors: "list[ErrorDetails]") -> _TableError:
             expected.append(_expected(error, given, errors))
     allowed = " or ".join(dict.fromkeys(expected))
     return _TableError(name + "".join(path), f"got {_show(given)}, expected {allowed}", allowed)
+
+
+def _only_seems_short(error: "ErrorDetails") -> bool:
+    """Whether a list is called too short because of wrong items alone, which pydantic does not count."""
+    return error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]
 
 
 def _place(value: Any, location: tuple[int | str, ...]) -> tuple[list[str], Any]:

@@ -87,7 +87,7 @@ class Mismatch(Study):
         found: dict[str, Validation] = {"the estimator's own model": base.validation}
         missing, lost = [0], [0.0]
         for done, truth in enumerate(self.truths):
-            one = _Foreign(base, bench.variant(truth.label))
+            one = _Foreign(base, bench.variant(truth.label), truth.label)
             found[truth.label] = one.judged(chosen)
             missing.append(one.missing)
             lost.append(one.lost)
@@ -139,14 +139,15 @@ class Mismatch(Study):
 class _Foreign:
     """Data and states of a truth's model, as the scene's estimators see them."""
 
-    def __init__(self, base: Session, other: Session) -> None:
+    def __init__(self, base: Session, other: Session, label: str) -> None:
         self.base, self.other = base, other
-        self.mask, self._rows = _aligned(base.functionals, other.functionals)
+        self.mask, self._rows = _aligned(base.functionals, other.functionals, label)
         self.missing = int((~self.mask).sum())
         times, expected = other.model.times, base.model.times
         if len(times) != len(expected) or not np.allclose(times, expected, rtol=1e-9, atol=0.0):
             raise ShapeError(
-                "truths: records other times than the scene; change time.substeps or the scheme, not time.step or steps"
+                f"truths: {label!r} records other times than the scene; change time.substeps or time.scheme, not "
+                "time.step or time.steps"
             )
         self._transfer = interpolation(other.model.space, base.model.space)
 
@@ -187,10 +188,10 @@ class _Foreign:
         return gather(judge.prior(background), judged, noisy, meter.labels, weights)
 
 
-def _aligned(base: Functionals, other: Functionals) -> tuple[BoolArray, IntArray]:
+def _aligned(base: Functionals, other: Functionals, truth: str) -> tuple[BoolArray, IntArray]:
     """Which functionals (m,) of the scene the truth's model has by the same label, and their rows there."""
     rows = {label: row for row, label in enumerate(other.labels)}
     mask = np.array([label in rows for label in base.labels])
     if not mask.any():
-        raise ShapeError("truths: measures nothing that the scene measures; keep its observations")
+        raise ShapeError(f"truths: {truth!r} measures nothing that the scene measures; keep its observations")
     return mask, np.array([rows[label] for label in base.labels if label in rows])

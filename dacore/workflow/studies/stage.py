@@ -1,6 +1,7 @@
 """Studies as stages: each depends on its settings, on the results it asks for, and on those of its variants."""
 
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -51,15 +52,18 @@ def varied(builder: Builder, changes: Mapping[str, Any], where: str) -> Builder:
     table.pop("study", None)
     for key, value in changes.items():
         try:
-            apply(table, key, value)
+            # A later change may reach into this value, which other variants share.
+            apply(table, key, deepcopy(value))
         except SceneError as error:
             raise SceneError(f"{where}: {error}") from error
     return replace(builder, scene=validate(table, where), where=where)
 
 
 def _stage(builder: Builder, name: str, study: Study, means: Means) -> Stage:
-    table, variants = builder.scene.study[name], study.variants(builder.scene)
-    keys = {}
+    table, keys = builder.scene.study[name], {}
+    with builder.blame(f"{STUDY}{name}"):
+        # First what a study needs: it refuses names that the scene does not have.
+        needs, variants = study.needs(builder.scene), study.variants(builder.scene)
     for label, variant in variants.items():
         pipeline = means.pipeline_of(varied(builder, variant.changes, _where(builder, name, label)))
         keys[label] = [pipeline.key(each) for each in variant.needs]
@@ -88,7 +92,7 @@ def _stage(builder: Builder, name: str, study: Study, means: Means) -> Stage:
             return study.run(Bench(Session(builder, results), variant, means.workers, means.scheduler, meter))
 
     codec = Codec(".h5", _write, lambda path, _: _read(path))
-    return Stage(f"{STUDY}{name}", study.needs(builder.scene), settings, compute, codec, table.title or study.heading)
+    return Stage(f"{STUDY}{name}", needs, settings, compute, codec, table.title or study.heading)
 
 
 def _where(builder: Builder, name: str, label: str) -> str:
