@@ -1,5 +1,7 @@
 """Figures of studies: what is drawn is what was given, labelled with units, and wrong shapes are refused."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -223,3 +225,30 @@ ONES = np.ones(3)
 def test_what_cannot_be_drawn_is_refused(make, message):
     with pytest.raises(ShapeError, match=message):
         make()
+
+
+def test_four_measures_take_two_columns_and_labels_of_many_amounts_are_broken():
+    amounts = ["one slice", "three slices in the middle", "voxels of 2 cm", "five phases"]
+    errors = {name: {"mv": np.full(4, 0.1)} for name in ("u", "p", "p − p_csf", "p_v")}
+    figure = data_amount(amounts, [1, 2, 3, 4], errors, {})
+    panels = drawn(figure)
+    assert len({round(axes.get_position().x0, 2) for axes in panels}) == 2
+    assert len({round(axes.get_position().y0, 2) for axes in panels}) == 2
+    figure.canvas.draw()
+    for axes in panels:
+        boxes = [label.get_window_extent() for label in axes.get_xticklabels()]
+        assert all(left.x1 <= right.x0 for left, right in itertools.pairwise(boxes))
+        assert "three" in axes.get_xticklabels()[1].get_text()
+
+
+def test_the_legend_of_curves_stands_beside_them_where_there_is_room():
+    panels = [class_panel() for _ in range(3)]
+    lines = [OperatingLine(f"estimator {k}", *RATES, 0.875, (0.6, 0.97)) for k in range(5)]
+    beside = classification([*panels, *panels], lines, "p_v", "dyn/cm²")
+    roc = drawn(beside)[-1]
+    beside.canvas.draw()
+    assert roc.get_legend().get_window_extent().x0 >= roc.get_window_extent().x1
+    inside = classification(panels[:2], lines, "p_v", "dyn/cm²")
+    roc = drawn(inside)[-1]
+    inside.canvas.draw()
+    assert roc.get_legend().get_window_extent().x1 <= roc.get_window_extent().x1
