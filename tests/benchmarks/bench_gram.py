@@ -68,7 +68,7 @@ def forget_peak() -> float:
 
 def measure(nodes: str, name: str, cache: str) -> dict[str, float]:
     """Seconds and MiB of one case."""
-    from dacore.workflow.session import open_scene
+    from dacore.workflow.open import open_scene
     from dacore_imaging.voxels import Slice, Voxels
 
     settings = CASES[name]

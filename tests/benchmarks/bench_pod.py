@@ -98,7 +98,7 @@ def parser() -> argparse.ArgumentParser:
 
 def make(options: argparse.Namespace, folder: Path) -> None:
     """Write the inner product, the snapshots block by block, and what is known of them."""
-    from dacore.workflow.session import open_scene
+    from dacore.workflow.open import open_scene
 
     session = open_scene(SCENE, [f'domain.nodes="{options.nodes}"'], folder / "cache")
     space = session.model.space

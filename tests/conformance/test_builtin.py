@@ -94,5 +94,7 @@ def test_everything_that_dacore_declares_is_here():
     }
     assert mine == {
         "domain ball", "domain box", "domain file", "estimator minimum_variance", "estimator pbdw",
-        "solver auto", "solver direct", "solver krylov",
+        "estimator posterior", "solver auto", "solver direct", "solver krylov",
+        "study cohort", "study dimension", "study limits", "study mismatch", "study placement", "study variants",
+        "study weights",
     }  # fmt: skip

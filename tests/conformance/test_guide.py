@@ -57,6 +57,8 @@ def test_the_tests_of_the_page_pass(package, name, least):
 
 
 def test_the_pieces_of_a_backend_are_right(package):
-    (block,) = PYTHON[len(FILES) :]
+    block, study = PYTHON[len(FILES) :]
     done = run(package, "\n" + block)
     assert done.returncode == 0, done.stderr
+    done = run(package, f"\n{study}\nprint(*(spec.name for spec in dacore_studies()))")
+    assert done.stdout.split() == ["dropout"], done.stderr

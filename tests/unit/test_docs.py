@@ -17,6 +17,11 @@ from dacore.io import scene as scenes
 from dacore.io.scene import Scene, validate
 from dacore.plugins.registry import load
 from dacore.workflow.build import Builder
+from dacore.workflow.open import open_scene
+from dacore.workflow.stages import scene_pipeline
+from dacore.workflow.studies.cohort import PatientGroup
+from dacore.workflow.studies.mismatch import Truth
+from dacore.workflow.studies.variants import Setting
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = (ROOT / "docs/scenes.md").read_text(encoding="utf-8")
@@ -25,12 +30,12 @@ TESTS = [*ROOT.glob("tests/*/test_*.py"), *ROOT.glob("plugins/*/tests/test_*.py"
 REGISTRY = load()
 TABLES = {
     "domain": "Domain", "model": "Physics", "observation": "Observation", "quantity": "Quantity",
-    "estimator": "Estimator", "solver": "Solver",
+    "estimator": "Estimator", "solver": "Solver", "study": "Study",
 }  # fmt: skip
 DECLARED = [(kind, spec.name) for kind in TABLES for spec in REGISTRY.specs(kind)]
 CORE = {
     "discretization": scenes.Discretization, "time": scenes.Time, "solver": scenes.SolverTable,
-    "training": scenes.Training, "noise": scenes.Noise,
+    "training": scenes.Training, "observed": scenes.Observed, "noise": scenes.Noise,
     "validation": scenes.Validation, "report": scenes.Views,
 }  # fmt: skip
 
@@ -146,6 +151,9 @@ def test_tables_within_tables_are_documented():
     voxels = plugin_class("observation", "voxels")
     slices = sys.modules[voxels.__module__].Slice
     check_defaults(tables(sections(SCENES)["Observation `voxels`"])[1], expected_of_dataclass(slices), "slices")
+    check_defaults(tables(sections(SCENES)["`[report]`"])[1], expected_of_model(scenes.Published), "published")
+    for kind, cls in (("variants", Setting), ("mismatch", Truth), ("cohort", PatientGroup)):
+        check_defaults(tables(sections(SCENES)[f"Study `{kind}`"])[1], expected_of_dataclass(cls), kind)
 
 
 def test_parameters_of_the_physics_are_documented():
@@ -182,6 +190,8 @@ def test_every_toml_snippet_is_a_scene_or_fits_onto_one(snippet, tmp_path):
         builder.check()
     except MissingDependencyError as error:
         pytest.skip(str(error))
+    if builder.scene.study:
+        scene_pipeline(builder)  # refuses variants that cannot be and names that are not there
     if any(isinstance(each, dict) and "unit" in each for each in table.get("parameters", {}).values()):
         pytest.importorskip("pint")
     ranges = {each.name: (each.low, each.high) for each in builder.parameters(builder.physics).parameters}
@@ -282,15 +292,14 @@ def _of_any(stage):
 
 
 def test_the_table_of_stages_is_that_of_the_code(tmp_path):
-    from dacore.workflow.session import open_scene
-
     text = sections((ROOT / "docs/architecture.md").read_text(encoding="utf-8"))["Stages and keys"]
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:3] == "| `"]
     # "`NAME`, what of": how the stage differs, or that it is there, where training is reduced.
     always, reduced = ({row[0].split("`")[1]: row for row in rows if ("`," in row[0]) == other} for other in (0, 1))
+    studies = always.pop("study.NAME")
 
-    def stages(*changes):
-        pipeline = open_scene(ROOT / "examples/toy/ball.toml", changes, cache=tmp_path).runner.pipeline
+    def stages(*changes, scene="ball"):
+        pipeline = open_scene(ROOT / f"examples/toy/{scene}.toml", changes, cache=tmp_path).runner.pipeline
         found = {}
         for stage in pipeline.stages:
             needs = ", ".join(dict.fromkeys(f"`{_of_any(need)}`" for need in stage.needs))
@@ -300,6 +309,10 @@ def test_the_table_of_stages_is_that_of_the_code(tmp_path):
     assert {name: (row[1], bool(row[3])) for name, row in always.items()} == stages()
     found = {name: needs for name, (needs, _) in stages('training.method="reduced"').items()}
     assert {name: row[1] for name, row in (always | reduced).items()} == found
+    # A study needs what its kind says; its findings are kept.
+    with_studies = stages(scene="studies")
+    assert with_studies.keys() - found.keys() == {"study.NAME"}
+    assert (studies[1], bool(studies[3])) == ("what its kind asks for", with_studies["study.NAME"][1])
 
 
 def test_paths_in_the_docs_exist():
@@ -308,3 +321,13 @@ def test_paths_in_the_docs_exist():
             r"`((?:dacore|plugins|tests|docs|examples)/[\w./-]*)`", page.read_text(encoding="utf-8")
         ):
             assert (ROOT / path).exists(), f"{page.name}: {path}"
+
+
+def test_every_kind_of_study_has_its_row_and_is_told_how_to_read():
+    page = (ROOT / "docs/studies.md").read_text(encoding="utf-8")
+    kinds = {spec.name for spec in REGISTRY.specs("study")}
+    assert set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE)) == kinds
+    assert set(re.findall(r"^\*\*`(\w+)`\.\*\*", page, re.MULTILINE)) == kinds
+    for scene in ("toy", "brain"):
+        example = tomllib.loads((ROOT / f"examples/{scene}/studies.toml").read_text(encoding="utf-8"))
+        assert {table["kind"] for table in example["study"].values()} == kinds, scene
