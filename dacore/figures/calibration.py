@@ -55,7 +55,7 @@ def calibration(curves: Sequence[CalibrationCurve], confidence: float = 0.95, ca
     if not curves:
         raise ShapeError("calibration: got no curve, expected at least one")
     total = 1 + len(curves)
-    columns = min(3, total)
+    columns = 2 if total == 4 else min(3, total)
     rows = -(-total // columns)
     figure, grid = sheet(rows, columns, 3.1 * rows + 0.4, caption, width=WIDTH if columns > 2 else 6.4)
     for axes in grid.flat[total:]:

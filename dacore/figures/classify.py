@@ -204,4 +204,7 @@ def _curves(axes: Axes, curves: Sequence[OperatingLine], beside: bool) -> None:
         # It lies over empty panels, which the layout must not make room for.
         legend.set_in_layout(False)
     else:
-        axes.legend(loc="lower right", fontsize=6.5 if len(curves) > 2 else 7.5, labelspacing=0.7)
+        axes.legend(
+            loc="lower right", fontsize=6.5 if len(curves) > 2 else 7.5, labelspacing=0.7, frameon=True,
+            edgecolor="none", framealpha=0.85,
+        )  # fmt: skip

@@ -42,7 +42,7 @@ def data_amount(
     columns = min(2 if len(errors) == 4 or len(amounts) > 3 else 3, len(errors))
     rows = -(-len(errors) // columns)
     width = WIDTH if columns > 1 else 5.0
-    letters = int((width / columns - 0.7) / len(amounts) / 0.075)
+    letters = int((width / columns - 0.7) / len(amounts) / 0.064)
     labels = [
         f"{title_text(amount, max(letters, 6))}\n$m$ = {count:,}" for amount, count in zip(amounts, counts, strict=True)
     ]

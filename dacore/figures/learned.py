@@ -8,7 +8,7 @@ from matplotlib.patches import Patch
 
 from dacore.core.arrays import Array
 from dacore.errors import ShapeError
-from dacore.figures.style import FAINT, INK, colour, pretty, sheet, styled
+from dacore.figures.style import FAINT, INK, colour, pretty, share_text, sheet, styled
 
 # Less of the variance than this is nothing that a decision could rest on.
 UNSEEN = 0.1
@@ -52,8 +52,7 @@ def learned(
             low, high = np.quantile(cases[row], (0.1, 0.9))
             if cases.shape[1] > 1:
                 axes.plot([low, high], [place, place], color=INK, linewidth=1.0, zorder=3)
-            # Near all of it, digits after the point tell a tenth of the deviation from a hundredth.
-            text = f"{share:.0f} %" if share < 98.5 else f"{share:.4g} %"
+            text = share_text(share / 100)
             text = text if seen else f"{text}, not seen"
             axes.annotate(
                 text, (max(high, share), place), xytext=(4, 0), textcoords="offset points", va="center", fontsize=7.5,
@@ -67,7 +66,7 @@ def learned(
     axes.set_xlabel("prior variance that the data took away  [%]")
     handles = [Patch(facecolor=colour(i), label=pretty(label)) for i, label in enumerate(shares)]
     handles.append(
-        Patch(facecolor="white", edgecolor=FAINT, hatch="////", label=f"not seen (below {100 * unseen:.0f} %)")
+        Patch(facecolor="white", edgecolor=FAINT, hatch="////", label=f"not seen (below {100 * unseen:.0f}%)")
     )
     figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 4))
     return figure

@@ -188,7 +188,8 @@ def percent_text(value: float) -> str:
     if value == 0 or not np.isfinite(value):
         return f"{value:g} %"
     if abs(value) >= 1e5 or abs(value) < 1e-3:
-        return f"{value:.0e} %"
+        mantissa, exponent = f"{value:.0e}".split("e")
+        return f"{mantissa}e{int(exponent)} %"
     digits = max(0, 1 - int(np.floor(np.log10(abs(value)))))
     text = f"{value:.{digits}f}"
     return (text.rstrip("0").rstrip(".") if "." in text else text) + " %"

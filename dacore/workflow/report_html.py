@@ -9,6 +9,7 @@ from itertools import count
 from dacore.workflow.report_parts import Card, Cell, Picture, Provenance, Report, Table, Timing
 from dacore.workflow.report_style import POLICY, STYLE
 
+_E_OF = "e\N{NO-BREAK SPACE}of\N{NO-BREAK SPACE}"
 _BACK = '<a class="back" href="#top" aria-label="Back to the contents">↑</a>'
 # Longer tables are folded; print shows them whole.
 _LONG = 14
@@ -71,12 +72,13 @@ def _table(table: Table, numbers: "Mapping[str, count[int]]") -> str:
     if table.caption:
         folded = len(table.rows) > _LONG
         tag = "span" if folded else "p"
-        count_of = f' <span class="count">({len(table.rows)} rows)</span>' if folded else ""
+        count_of = f' <span class="count">· {len(table.rows)} rows</span>' if folded else ""
         caption = f'<{tag} class="caption"><span class="number">Table {next(numbers["Table"])}.</span> '
         caption += f"{_inline(_sentence(table.caption))}{count_of}</{tag}>\n"
-    numeric = [_numeric([_cell(row[k]).text for row in table.rows]) for k in range(len(table.headers))]
+    # The first column names its rows, even by numbers.
+    numeric = [k > 0 and _numeric([_cell(row[k]).text for row in table.rows]) for k in range(len(table.headers))]
     head = "".join(
-        f'<th scope="col"{_classes("r" if right else "")}>{_inline(name)}</th>'
+        f'<th scope="col"{_classes("r" if right else "")}>{_inline(name.replace("e of ", _E_OF))}</th>'
         for name, right in zip(table.headers, numeric)
     )
     body = []
@@ -85,7 +87,7 @@ def _table(table: Table, numbers: "Mapping[str, count[int]]") -> str:
         cells = [_cell(entry) for entry in row]
         first = f'<th scope="row"{_classes(cells[0].tone)}>{_inline(cells[0].text)}</th>'
         rest = "".join(
-            f"<td{_classes('r' if right else '', cell.tone)}>{_inline(cell.text)}</td>"
+            f"<td{_classes('r' if right else '', cell.tone)}>{_inline(_tight(cell.text))}</td>"
             for cell, right in zip(cells[1:], numeric[1:])
         )
         # Rows without a name belong to the one above.
@@ -157,6 +159,15 @@ def _duration(seconds: float) -> str:
     return f"{minutes} min {rest:02d} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
+def _tight(text: str) -> str:
+    """Keep a number and what belongs to it on one line: "0.1% (0.3%)", "16 of 16", "(0.55 to 0.96)"."""
+    if not re.match(r"[<>≈±+−-]?\d", text):
+        return text
+    if len(text) <= 18:
+        return text.replace(" ", "\N{NO-BREAK SPACE}")
+    return re.sub(r"\([^()]{1,24}\)", lambda found: found[0].replace(" ", "\N{NO-BREAK SPACE}"), text)
+
+
 def _sentence(text: str) -> str:
     """Begin a caption with a capital, if it begins with a word and not with the name of a quantity."""
     return text[0].upper() + text[1:] if re.match(r"[a-z]{2,}(?![\w./^])", text) else text
@@ -178,9 +189,7 @@ def _inline(text: str) -> str:
         if index % 2:
             pieces[index] = f"<code>{piece}</code>"
         else:
-            # "0.1% (0.3%)" stays on one line, and so does "3 %".
             tied = re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", piece)
-            tied = re.sub(r"^([\d.,e+−-]+%?) (\([\d.,e+−-]+%?\))$", "\\1\N{NO-BREAK SPACE}\\2", tied)
             strong = re.sub(r"\*\*(.+?)\*\*", r"<strong>\1</strong>", tied)
             pieces[index] = re.sub(
                 r"(?<![\w./&])([^\W\d_]{1,2}\u0302?)_([A-Za-z0-9]+)(?![\w/;]|\.\w)", r"\1<sub>\2</sub>", strong

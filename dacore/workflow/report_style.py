@@ -78,6 +78,7 @@ thead th { color: var(--soft); font-weight: 600; border-bottom-width: 2px; verti
 tbody th { font-weight: 500; min-width: 8.5em; }
 tbody tr:last-child > * { border-bottom: 0; }
 .r { text-align: right; }
+tbody td:not(.r) { min-width: 8.5em; }
 tr:not(.group) > th:empty { border-bottom-color: transparent; }
 tr.group > * { border-top: 1px solid var(--soft); }
 tbody tr.group:first-child > * { border-top: 0; }

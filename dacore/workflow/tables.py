@@ -20,8 +20,7 @@ def percent(value: float) -> str:
     """A relative error as a percentage of two digits: "0.13%", "12%", "4200%", "3e5%"."""
     scaled = 100 * value
     if scaled >= 1e5 or 0 < scaled < 1e-3:
-        mantissa, exponent = f"{scaled:.1e}".split("e")
-        return f"{mantissa.removesuffix('.0')}e{int(exponent)}%"
+        return f"{_short(f'{scaled:.1e}')}%"
     if scaled >= 100:
         return f"{float(f'{scaled:.2g}'):.0f}%"
     return f"{scaled:.2g}%"
@@ -30,8 +29,14 @@ def percent(value: float) -> str:
 def number_text(value: float) -> str:
     """A number of three digits: "2.24", "76.8", "3,450"."""
     if not np.isfinite(value) or abs(value) >= 1e7 or 0 < abs(value) < 1e-3:
-        return f"{value:.2e}"
+        return _short(f"{value:.2e}")
     return f"{float(f'{value:.3g}'):,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+
+
+def _short(text: str) -> str:
+    """A number with an exponent, without what says nothing: "2.60e-09" becomes "2.6e-9"."""
+    mantissa, _, exponent = text.partition("e")
+    return f"{float(mantissa):g}e{int(exponent)}" if exponent else text
 
 
 def value_text(value: float, deviation: float) -> str:
@@ -79,7 +84,10 @@ def error_table(
         headers,
         rows,
         f"{noise_name(level)}: relative space–time errors, mean (worst) over {validation.clean.shape[2]} unseen cases",
-        "Truth computed on the same mesh with the same scheme, so these are errors of the reconstruction alone.",
+        # Once is enough.
+        "Truth computed on the same mesh with the same scheme, so these are errors of the reconstruction alone."
+        if level == builder.scene.noise.levels[0]
+        else "",
     )
 
 

@@ -414,7 +414,7 @@ def test_pretty(text, expected):
 
 def test_percent_text():
     assert [percent_text(v) for v in (0.01, 2.13, 39.2, 140.4, 10.0, 0.0, 1e-5, 2e6)] == [
-        "0.01 %", "2.1 %", "39 %", "140 %", "10 %", "0 %", "1e-05 %", "2e+06 %",
+        "0.01 %", "2.1 %", "39 %", "140 %", "10 %", "0 %", "1e-5 %", "2e6 %",
     ]  # fmt: skip
 
 

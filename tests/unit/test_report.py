@@ -20,7 +20,7 @@ from dacore.workflow.report import (
     render_report,
     write_report,
 )  # fmt: skip
-from dacore.workflow.tables import percent, value_text
+from dacore.workflow.tables import number_text, percent, value_text
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 
@@ -172,7 +172,7 @@ def test_long_tables_are_folded_and_named_before_they_are_opened():
     assert "details" not in {tag for tag, _ in Reader(short).tags}
     page = Reader(long)
     assert len(page.all("details")) == 1
-    assert "Table 1. Errors (15 rows)" in " ".join(page.text.split())
+    assert "Table 1. Errors · 15 rows" in " ".join(page.text.split())
     assert long.index("</summary>") < long.index("row 0")
     assert "::details-content" in long  # print shows what is folded
 
@@ -201,6 +201,14 @@ def test_captions_begin_with_a_capital_unless_with_a_symbol(caption, expected):
 def test_a_mean_and_its_worst_stay_on_one_line():
     assert "0.061%\u00a0(0.073%)" in one_table([["x", "0.061% (0.073%)"]])
     assert "1e-5\u00a0(2e-4)" in one_table([["x", "1e-5 (2e-4)"]])
+    assert "16\u00a0of\u00a016" in one_table([["x", "16 of 16"]])
+    assert ">1.000 (0.756\u00a0to\u00a01.000)<" in one_table([["x", "1.000 (0.756 to 1.000)"]])
+    assert ">minimum variance<" in one_table([["x", "minimum variance"]])
+
+
+def test_the_first_column_is_never_one_of_numbers():
+    text = one_table([["10% noise", "1"], ["20% noise", "2"]])
+    assert '<th scope="col">a</th><th scope="col" class="r">b</th>' in text
 
 
 def test_file_is_written_whole_and_the_same_each_time(tmp_path):
@@ -234,6 +242,12 @@ def test_an_empty_report_is_a_page():
     page = Reader(render_report(Report("Only a title")))
     assert page.all("nav") == []
     assert page.all("section") == []
+
+
+def test_exponents_are_short():
+    assert [number_text(each) for each in (1e-9, 2.6e-9, 7.964e-11, 1.5e8, float("nan"))] == [
+        "1e-9", "2.6e-9", "7.96e-11", "1.5e8", "nan",
+    ]  # fmt: skip
 
 
 def test_numbers_are_as_long_as_they_mean_something():

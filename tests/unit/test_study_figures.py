@@ -185,9 +185,9 @@ def test_learned_marks_what_is_not_seen():
     (axes,) = drawn(figure)
     np.testing.assert_allclose([bar.get_width() for bar in axes.patches], [99.99, 50.0, 60.0, 2.0])
     assert [bool(bar.get_hatch()) for bar in axes.patches] == [False, False, False, True]
-    assert texts(axes) == ["99.99 %", "50 %", "60 %", "2 %, not seen"]
+    assert texts(axes) == ["99.99%", "50%", "60%", "2%, not seen"]
     assert axes.get_xlabel().endswith("[%]")
-    assert legend(figure) == ["exact", "noise", "not seen (below 10 %)"]
+    assert legend(figure) == ["exact", "noise", "not seen (below 10%)"]
 
 
 ONES = np.ones(3)
