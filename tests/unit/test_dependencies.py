@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 IMPORTED_AS = {"scikit-fem": "skfem"}
 # What comes with a package as a matter of course; DOLFINx cannot be had without the rest of FEniCS, PETSc and MPI.
 WITH = {
-    "pydantic": {"pydantic_core"},
+    "pydantic": {"annotated_types", "pydantic_core"},
     "dolfinx": {"basix", "cffi", "ffcx", "mpi4py", "petsc4py", "ufl"},
 }
 DISTRIBUTIONS = {".": "dacore"} | {f"plugins/{path.name}": "src" for path in sorted((ROOT / "plugins").iterdir())}

@@ -77,7 +77,7 @@ def test_the_plan_of_a_reduced_training_is_priced_as_one():
 def test_a_scene_says_its_size():
     scene = read_scene(ROOT / "examples/brain/demo.toml", ["time.substeps=2", "time.graded=3", "time.spin_up=10"])
     found = laws.sizes_of(scene, Brain(), 3)
-    assert (found["K"], found["cases"], found["t"], found["marched"], found["workers"]) == (80, 18, 40, 103, 3)
+    assert (found["K"], found["cases"], found["t"], found["marched"], found["workers"]) == (512, 18, 40, 103, 3)
     assert laws.trajectory(found) is not None
     unknown = laws.sizes_of(scene, None, 1)
     assert "nodes" not in unknown
