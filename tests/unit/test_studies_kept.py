@@ -271,3 +271,20 @@ def test_patients_need_a_map_from_parameters_to_trajectories(folder):
     path.write_text(full + f"\n[study.s]\n{GROUP.format('')}\n", encoding="utf-8")
     with pytest.raises(SceneError, match=r"study.s: this training set has no map from parameters to trajectories"):
         found(open_scene(path, ["estimator.pbdw.n=2"], folder / "cache"))
+
+
+@pytest.mark.parametrize(
+    "table", ['kind = "dimension"\nestimator = "pbdw"', 'kind = "weights"\nestimator = "pbdw"\nfield = "p"']
+)
+def test_errors_of_fields_are_not_asked_of_a_scene_of_numbers_alone(folder, table):
+    message = r"study.s: got report.states = false, but this study measures errors of fields; set it to true$"
+    with pytest.raises(SceneError, match=message):
+        found(opened(folder, f"\n[study.s]\n{table}\n", ["report.states=false"]))
+
+
+def test_a_scene_of_numbers_alone_is_studied_by_these(folder):
+    plain, numbers = (
+        found(opened(folder, STUDIES, changes), "data") for changes in ([], ["report.states=false"])
+    )  # fmt: skip
+    assert numbers.facts["errors"] == []
+    np.testing.assert_array_equal(numbers.arrays["rms"], plain.arrays["rms"])

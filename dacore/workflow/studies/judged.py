@@ -5,6 +5,7 @@ import numpy as np
 from dacore.core.arrays import Array
 from dacore.core.background import Background
 from dacore.core.estimator import Estimate
+from dacore.errors import ShapeError
 from dacore.studies.errors import JOINT, ErrorMeter, ProjectedErrors
 from dacore.studies.validation import PRODUCT, Judge
 from dacore.workflow.session import Session
@@ -24,9 +25,16 @@ class Judging:
     judge : Judge
     labels : list of str
         Of the errors, the joint one left out.
+
+    Raises
+    ------
+    ShapeError
+        If the scene asks for numbers of interest alone.
     """
 
     def __init__(self, session: Session, background: Background | None = None) -> None:
+        if not session.scene.report.states:
+            raise ShapeError("got report.states = false, but this study measures errors of fields; set it to true")
         own = session.background if background is None else background
         contrasts = session.builder.contrasts(session.model.space, session.parameters)
         meter = ErrorMeter(session.model.space, PRODUCT, contrasts, session.validation.joint_weights)
