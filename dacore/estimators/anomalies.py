@@ -1,5 +1,6 @@
 """What minimum variance keeps of observed anomalies, what it claims of its errors, and what it expects of data."""
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -157,25 +158,37 @@ def _left_out(factors: Factors, total: float, count: int) -> tuple[Array, Array]
     return unit * shares / free, unit * (inverse**2 @ parts) / free**2
 
 
-class HeldOut(Uncertainty):
-    """Mean-square error on training trajectories held out in turn, plus the noise that comes through."""
+class Anomalous(Uncertainty):
+    """Error covariance of a minimum-variance estimate, which has no correction."""
 
     def __init__(self, prepared: "PreparedMinimumVariance", scale: Array) -> None:
         self.prepared, self.scale = prepared, scale
 
     def variance(self, on_modes: Array, on_correction: Array | None) -> Array:
-        """Variance (s, k) of linear functionals of the trajectory; NaN for fewer than three samples."""
+        """Variance (s, k) of linear functionals of the trajectory."""
         return self._of(on_modes, slice(None), self.scale)
 
     def at(self, step: int, series: int, steps: int, on_modes: Array, on_correction: Array | None) -> Array:
         """Variance (s,) of functionals (s, r) of one state of one series."""
         return self._of(on_modes[:, None], slice(step, step + 1), self.scale[series : series + 1])[:, 0]
 
+    @abstractmethod
+    def _of(self, on_modes: Array, times: slice, scales: Array) -> Array:
+        """Variance (s, k) of functionals (s, t, r) of some of the states, at k noise scales."""
+
+
+class HeldOut(Anomalous):
+    """Mean-square error on training trajectories held out in turn, plus the noise that comes through.
+
+    What compression and reduced training leave out of the data comes through as noise does. NaN for fewer than
+    three samples.
+    """
+
     def _of(self, on_modes: Array, times: slice, scales: Array) -> Array:
         """Variance (s, k) of functionals (s, t, r) of some of the states, at k noise scales."""
         p = self.prepared
         cycle = p.settings.window == "cycle"
-        count = p.background.n_samples
+        count, beyond = p.background.n_samples, float(np.sqrt(p.unlearned))
         groups = [slice(None)] if cycle else [slice(t, t + 1) for t in range(on_modes.shape[1])]
         # A window that is the whole cycle is used for each of its steps.
         used = slice(None) if cycle else times
@@ -193,7 +206,7 @@ class HeldOut(Uncertainty):
         for series, scale in enumerate(scales):
             noise = np.zeros(len(on_modes))
             for direction, each, floor in zip(full, factors, floors, strict=True):
-                gain = each.s * scale / (each.s**2 + np.hypot(scale, floor) ** 2)
+                gain = each.s * np.hypot(scale, beyond) / (each.s**2 + np.hypot(scale, floor) ** 2)
                 noise += ((direction @ each.vt.T * gain) ** 2).sum(axis=1)
             error = np.full((len(on_modes), count), np.nan)
             for fold, truth, directions in folds:
@@ -212,23 +225,12 @@ def along(on_modes: Array, states: Array) -> Array:
     return np.asarray(np.einsum("str,rtk->sk", on_modes, states, optimize=True))
 
 
-class Posterior(Uncertainty):
+class Posterior(Anomalous):
     """Error covariance of the estimate under the training set's distribution.
 
     What the training set cannot represent is counted where it disturbs the data (the floor), not in the
     state itself: with exact data the claimed deviations are too small.
     """
-
-    def __init__(self, prepared: "PreparedMinimumVariance", scale: Array) -> None:
-        self.prepared, self.scale = prepared, scale
-
-    def variance(self, on_modes: Array, on_correction: Array | None) -> Array:
-        """Variance (s, k) of linear functionals of the trajectory; there is no correction."""
-        return self._of(on_modes, slice(None), self.scale)
-
-    def at(self, step: int, series: int, steps: int, on_modes: Array, on_correction: Array | None) -> Array:
-        """Variance (s,) of functionals (s, r) of one state of one series."""
-        return self._of(on_modes[:, None], slice(step, step + 1), self.scale[series : series + 1])[:, 0]
 
     def _of(self, on_modes: Array, times: slice, scales: Array) -> Array:
         """Variance (s, k) of functionals (s, t, r) of some of the states, at k noise scales."""
