@@ -261,6 +261,9 @@ class Builder:
         with self.blame("observed.less_mean"):
             for field in self.scene.observed.less_mean:
                 space.layout.field(field)
+        for name, study in self.studies.items():
+            with self.blame(f"study.{name}"):
+                study.check(parameters)
         self.contrasts(space, parameters)
 
     def contrasts(self, space: StateSpace, parameters: ParameterSpace) -> list[Contrast]:

@@ -8,13 +8,14 @@ import numpy as np
 from annotated_types import Ge, Len
 
 from dacore.core.arrays import Array
+from dacore.core.parameters import ParameterSpace
 from dacore.errors import ShapeError
 from dacore.figures.calibration import CalibrationCurve, calibration
 from dacore.figures.classify import ClassPanel, OperatingLine, classification
 from dacore.io.scene import Scene
 from dacore.studies.calibration import LEVELS, Calibration, calibrate, calibrate_quantiles
 from dacore.studies.classification import Classification, classify
-from dacore.studies.cohort import Group, draw_patients
+from dacore.studies.cohort import Group, Patients, draw_patients
 from dacore.studies.cohort_estimates import Cohort, CohortOutcome, estimate_cohort
 from dacore.studies.errors import JOINT
 from dacore.studies.validation import PRIOR
@@ -83,13 +84,20 @@ class CohortStudy(Study):
             raise ShapeError(f"quantity: got {self.quantity!r}, expected one of {', '.join(scene.quantity) or 'none'}")
         return ("parameters", "background", "functionals", "validation", *(f"prepared.{name}" for name in chosen))
 
+    def check(self, parameters: ParameterSpace) -> None:
+        """Refuse groups outside the ranges of training."""
+        self._patients(parameters)
+
+    def _patients(self, parameters: ParameterSpace) -> Patients:
+        groups = [Group(each.name, each.ranges) for each in self.groups]
+        return draw_patients(parameters, groups, [each.patients for each in self.groups], self.seed)
+
     def run(self, bench: Bench) -> Findings:
         """Draw, measure and estimate every patient."""
         session = bench.session
         chosen = chosen_estimators(session.scene, self.estimators)
         levels = self.noise or tuple(session.scene.noise.levels)
-        groups = [Group(each.name, each.ranges) for each in self.groups]
-        patients = draw_patients(session.parameters, groups, [each.patients for each in self.groups], self.seed)
+        patients = self._patients(session.parameters)
         cohort = estimate_cohort(
             session.background, session.functionals, {name: session.prepared(name) for name in chosen}, patients,
             {self.quantity: session.quantities[self.quantity]}, levels,

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from dacore.core.arrays import Array
+from dacore.core.parameters import ParameterSpace
 from dacore.io.scene import Scene
 from dacore.workflow.report_parts import Table
 from dacore.workflow.studies.bench import Bench
@@ -105,6 +106,9 @@ class Study(ABC):
     def variants(self, scene: Scene) -> Mapping[str, Variant]:
         """Variants of the scene, by a short name; what they have in common with it is computed once."""
         return {}
+
+    def check(self, parameters: ParameterSpace) -> None:  # noqa: B027 (most studies take any)
+        """Raise ShapeError for settings that cannot work with a scene's parameters, before anything is trained."""
 
     @abstractmethod
     def run(self, bench: Bench) -> Findings:
