@@ -31,6 +31,17 @@ class ParametricMap(ABC):
     def accuracy(self) -> Mapping[str, float]:
         """For each field, the relative space–time error that is to be expected of a trajectory."""
 
+    def coarse(self, points: Array, tolerance: float) -> "ParametricMap":
+        """Return a cheaper map that differs by about a share of what trajectories vary; the same one if there is none.
+
+        Parameters
+        ----------
+        points : (k, n_parameters) array
+            Reaching as far as those that the map will be asked for.
+        tolerance : float
+        """
+        return self
+
 
 @dataclass(frozen=True, eq=False)
 class Background:
@@ -152,6 +163,10 @@ class _LessMean(ParametricMap):
     def coefficients(self, points: Array) -> Array:
         """Trajectories of the other map, some fields less their mean."""
         return self.background.without_mean(self.forward.coefficients(points), self.fields)
+
+    def coarse(self, points: Array, tolerance: float) -> ParametricMap:
+        """Coarsen the other map."""
+        return replace(self, forward=self.forward.coarse(points, tolerance))
 
     @property
     def accuracy(self) -> Mapping[str, float]:

@@ -31,8 +31,9 @@ from dacore.core.noise import NoiseModel
 from dacore.core.observation import Functionals
 from dacore.errors import ShapeError
 from dacore.estimators.plausible import Plausibility
-from dacore.estimators.posterior_data import Compressed, Observed, model_errors
+from dacore.estimators.posterior_data import Compressed, Observed
 from dacore.estimators.posterior_emulator import Emulator, emulate, forward_of
+from dacore.estimators.posterior_errors import model_errors
 from dacore.estimators.posterior_modes import Gaussian, search, starts
 from dacore.estimators.posterior_sampling import Cloud, sample, uniform_points
 from dacore.estimators.posterior_uncertainty import ForwardErrors, LaplaceUncertainty, SampledUncertainty
@@ -49,6 +50,8 @@ _COMPETES, _DISTINCT = 8.0, 4.0
 _FEW = 50
 # Places in the box that may be starts, and how many times as many starts a series gets that nothing fits.
 _PLACES, _AGAIN = 1024, 8
+# Parts of the training set that are left out in turn.
+_FOLDS = 4
 
 
 @dataclass(frozen=True)
@@ -126,28 +129,40 @@ class PreparedPosterior(PreparedEstimator):
         anywhere = 2.0 * uniform_points(_PLACES, len(self.coordinates.free)) - 1.0
         self.places = np.concatenate([np.clip(emulator.training, -1.0, 1.0), anywhere])
         self.errors = ForwardErrors(emulator, model_errors(emulator, background))
-        self.observed.errors *= self._inflation()
+        self.inflation = self._inflation()
+        self.observed.errors *= self.inflation
         seen = background.observe(functionals.matrix)[keep]
         self._plausibility = Plausibility(seen, background.coefficients[:, steps], self.observed.noise)
 
     def _inflation(self) -> float:
-        """Factor on the covariance of the map's own errors, so that exact data of training samples give them back.
+        """Factor on the covariance of the map's own errors, so that exact data of unseen samples give them back.
 
-        A covariance of few samples is too small in some directions, and exact data would be trusted most just there.
+        Training samples are left out fold by fold; where the covariance that the others tell is too small in some
+        direction, exact data of those would be trusted most just there.
         """
-        b, observed = self.background, self.observed
-        places = np.clip(self.emulator.training[:_CHUNK], -1.0, 1.0)
-        data = observed.of_trajectories(b.coefficients[:, :, : len(places)])
-        root = np.sqrt(observed.errors)
+        observed = self.observed
+        count = observed.misses.shape[1]
+        chosen = np.arange(0, count, max(count // _CHUNK, 1))
+        places = np.clip(self.emulator.training[chosen], -1.0, 1.0)
+        data = self.emulator.values(places, observed.blocks) - observed.misses[:, chosen].T
+        squares: list[Array] = []
+        for fold in range(min(_FOLDS, len(chosen))):
+            mine = np.arange(fold, len(chosen), _FOLDS)
+            variances, turn = np.linalg.eigh(observed.without(chosen[mine]))
+            # None is smaller than round-off, which the smallest of the errors is.
+            root = np.sqrt(np.maximum(variances, observed.errors.min()))
+            blocks, wanted = observed.blocks @ (turn / root), data[mine] @ (turn / root)
 
-        def residuals(x: Array, rows: IntArray) -> tuple[Array, Array]:
-            value, slopes = self.emulator.slopes(x, observed.blocks)
-            return (value - data[rows]) / root, slopes / root[:, None]
+            def residuals(
+                x: Array, rows: IntArray, blocks: Array = blocks, wanted: Array = wanted
+            ) -> tuple[Array, Array]:
+                value, slopes = self.emulator.slopes(x, blocks)
+                return value - wanted[rows], slopes
 
-        x, _, precision = search(residuals, self.prior, places)
-        away = x - places
-        squares = np.einsum("kp,kpq,kq->k", away, precision, away, optimize=True) / away.shape[1]
-        return max(float(squares.mean()), 1.0)
+            x, _, precision = search(residuals, self.prior, places[mine])
+            away = x - places[mine]
+            squares.append(np.einsum("kp,kpq,kq->k", away, precision, away, optimize=True) / away.shape[1])
+        return max(float(np.concatenate(squares).mean()), 1.0) if squares else 1.0
 
     @property
     def inf_sup(self) -> Array:

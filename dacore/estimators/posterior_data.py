@@ -18,6 +18,7 @@ from dacore.core.background import Background
 from dacore.core.noise import NoiseModel
 from dacore.core.observation import Functionals
 from dacore.estimators.posterior_emulator import Emulator
+from dacore.estimators.posterior_errors import model_errors
 
 # Deviations of errors below this share of the data's size are round-off.
 _ROUND_OFF = 1e-9
@@ -58,6 +59,8 @@ class Observed:
         Polynomial weights of compressed data.
     errors : (d,) array
         Variances Λ of the forward map's own errors.
+    misses : (d, K) array
+        What the map misses of the training samples' data, each sample as if it were not one of them.
     count : int
         Number of raw values.
     """
@@ -89,10 +92,18 @@ class Observed:
         misses = np.tensordot(small, emulator.errors[:, steps], axes=1).reshape(len(u), -1)
         within = u.T @ misses
         count = max(misses.shape[1], 1)
-        assumed = onto @ (model_errors(emulator, background)[:, None] * onto.T)
-        squares, turn = np.linalg.eigh(within @ within.T / count + assumed)
+        stated = model_errors(emulator, background)
+        grown = np.tensordot(small * stated.growth, emulator.errors[:, steps], axes=1).reshape(len(u), -1)
+        grown = u.T @ grown
+        anywhere = np.zeros((u.shape[1], u.shape[1]))
+        for rows, variance in stated.even:
+            part = np.tensordot(small[:, rows] / emulator.scale[rows], emulator.modes[rows][:, steps], axes=1)
+            part = u.T @ part.reshape(len(u), -1)
+            anywhere += variance * (part @ part.T)
+        squares, turn = np.linalg.eigh(shrunk(grown) + anywhere)
         size = float((self._mean**2).mean() + (images**2).sum() / max(len(images), 1))
         self.errors = np.maximum(squares, _ROUND_OFF**2 * max(size, 1e-300))
+        self.misses, self._grown, self._anywhere = turn.T @ within, turn.T @ grown, turn.T @ anywhere @ turn
         self._directions = u @ turn
         self.blocks = emulator.blocks(turn.T @ onto)
         outside = float(((misses - u @ within) ** 2).sum()) / count
@@ -126,6 +137,10 @@ class Observed:
         """Variances (k, d) of the compressed data of series with noise of scales (k,)."""
         return np.asarray(scale[:, None] ** 2 + self.errors)
 
+    def without(self, left_out: IntArray) -> Array:
+        """Covariance (d, d) of the map's own errors without what some training samples say of it."""
+        return np.asarray(shrunk(np.delete(self._grown, left_out, axis=1)) + self._anywhere)
+
     @cached_property
     def training(self) -> Array:
         """Compressed data (K, d) of the training samples, as emulated."""
@@ -133,18 +148,19 @@ class Observed:
         return e.values(e.training, self.blocks)
 
 
-def model_errors(emulator: Emulator, background: Background) -> Array:
-    """Variances (q,) of the modes' coefficients from the accuracy that the forward map states.
+def shrunk(samples: Array) -> Array:
+    """Covariance (d, d) about zero of samples (d, k), with a floor for directions in which few of them say little.
 
-    A map that is off by some share of a trajectory's norm is off in directions that nobody knows; its error is
-    spread evenly over the modes.
+    A share of the mean variance in all directions; the share is the one of least expected error. Source: Ledoit and
+    Wolf, J. Multivar. Anal. 88 (2004) 365.
     """
-    if background.forward is None:
-        return np.zeros(emulator.q)
-    accuracy, total = background.forward.accuracy, 0.0
-    for field in background.space.fields:
-        rows = background.block(field.name)
-        size = float((background.coefficients[rows] ** 2).sum() / background.n_samples)
-        scale = float(emulator.scale[rows][0]) if rows.stop > rows.start else 0.0
-        total += (accuracy[field.name] * scale) ** 2 * size
-    return np.full(emulator.q, total / max(emulator.q, 1))
+    d, k = samples.shape
+    if not k or not d:
+        return np.zeros((d, d))
+    found = samples @ samples.T / k
+    mean = float(np.trace(found)) / d
+    own = float((found**2).sum())
+    away = own - d * mean**2
+    noise = (float(((samples**2).sum(axis=0) ** 2).sum()) / k - own) / k
+    share = min(max(noise / away, 0.0), 1.0) if away > 0 else 1.0
+    return np.asarray((1.0 - share) * found + share * mean * np.eye(d))

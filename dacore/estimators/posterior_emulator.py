@@ -18,6 +18,7 @@ from dacore.core.background import Background, ParametricMap
 from dacore.errors import CapabilityError
 from dacore.estimators.posterior_coordinates import Coordinates
 from dacore.estimators.posterior_interpolant import Interpolant, interpolate
+from dacore.estimators.posterior_smooth import fitted
 
 logger = logging.getLogger(__name__)
 
@@ -28,6 +29,8 @@ _MODES = 3e-2
 # Errors above this share of what the training set varies are worth a warning.
 _WORRYING = 1e-2
 _CHUNK = 64
+# Training samples whose whole marches say which modes the nodes need.
+_PLACES = 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,11 +165,23 @@ def forward_of(background: Background) -> ParametricMap:
 _MADE: "WeakKeyDictionary[Background, dict[tuple[float, int], Emulator]]" = WeakKeyDictionary()
 
 
+def _spread(x: Array, count: int) -> IntArray:
+    """Rows of points (k, p) that are far from each other, the first in the middle."""
+    chosen = [int(np.abs(x).max(axis=1).argmin())]
+    away = np.linalg.norm(x - x[chosen[0]], axis=1)
+    while len(chosen) < min(count, len(x)):
+        chosen.append(int(away.argmax()))
+        away = np.minimum(away, np.linalg.norm(x - x[chosen[-1]], axis=1))
+    return np.array(chosen, dtype=np.int64)
+
+
 class _Maker:
     def __init__(self, background: Background, forward: ParametricMap, tolerance: float, most: int) -> None:
-        self.background, self.forward, self.tolerance, self.most = background, forward, tolerance, most
+        self.background, self.tolerance, self.most = background, tolerance, most
         self.coordinates = Coordinates.of(background.parameters)
         self.training = self.coordinates.of_points(background.samples)
+        # Nodes are many: the map on fewer modes makes them; what that misses is found on the training set, below.
+        self.forward = forward.coarse(background.samples[_spread(self.training, _PLACES)], tolerance)
         self.mean = background.mean()
         self.scale = np.ones(background.dimension)
         for field in background.space.fields:
@@ -199,7 +214,7 @@ class _Maker:
             self.coordinates, self.curved, self.affine, self.mean, self.scale, self.modes.reshape(r, t, -1),
             interpolant, self.training, np.zeros((0, 0, 0)), left,
         )  # fmt: skip
-        errors = made.lift(made.values(self.training, made.blocks()).T) - b.coefficients
+        made, errors = self._mended(made)
         spread = float(np.sqrt(((errors * self.scale[:, None, None]) ** 2).sum() / b.n_samples))
         if spread > _WORRYING:
             logger.warning(
@@ -207,6 +222,23 @@ class _Maker:
                 "raise solves", spread, len(interpolant.indices),
             )  # fmt: skip
         return replace(made, errors=errors)
+
+    def _mended(self, made: Emulator) -> tuple[Emulator, Array]:
+        """Add what smooth polynomials say of the training set's errors; returns the errors that are left.
+
+        Each sample's error is that of the fit to all others.
+        """
+        b, count = self.background, self.background.n_samples
+        misses = made.lift(made.values(self.training, made.blocks()).T) - b.coefficients
+        misses *= self.scale[:, None, None]
+        misses = misses.reshape(-1, count)
+        within = self.modes.T @ misses
+        outside = misses - self.modes @ within
+        smooth, left = fitted(self.training[:, self.curved], self.training[:, self.affine], within.T)
+        if smooth is not None:
+            made = replace(made, interpolant=made.interpolant.plus(smooth.indices, -smooth.weights))
+        errors = (self.modes @ left.T + outside).reshape(b.coefficients.shape)
+        return made, errors / self.scale[:, None, None]
 
     def _scaled(self, coefficients: Array) -> Array:
         out = (coefficients - self.mean[:, :, None]) * self.scale[:, None, None]

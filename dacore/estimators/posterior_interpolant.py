@@ -94,6 +94,15 @@ class Interpolant:
                     slopes[d] *= v
         return value, slopes
 
+    def plus(self, indices: IntArray, weights: Array) -> "Interpolant":
+        """Return the sum with polynomials of other indices (m, p), or the same, and weights (m, q)."""
+        place = {tuple(index): k for k, index in enumerate(self.indices.tolist())}
+        news = [index for index in indices.tolist() if tuple(index) not in place]
+        place |= {tuple(index): k for k, index in enumerate(news, start=len(place))}
+        out = np.concatenate([self.weights, np.zeros((len(news), self.weights.shape[1]))])
+        np.add.at(out, [place[tuple(index)] for index in indices.tolist()], weights)
+        return Interpolant(np.array([*self.indices.tolist(), *news], dtype=np.int64), out)
+
     def __call__(self, x: Array) -> Array:
         """Values (k, q) at points (k, p)."""
         return np.asarray(self.basis(x) @ self.weights)

@@ -9,6 +9,7 @@ from dacore.core.arrays import Array
 from dacore.core.background import Background, ParametricMap
 from dacore.core.parameters import ParameterSpace
 from dacore.errors import ShapeError
+from dacore.reduction.coarse import coarse
 from dacore.reduction.model import ReducedModel
 
 # Reduced states of so many bytes at a time are turned into coefficients.
@@ -60,6 +61,11 @@ class ReducedForward(ParametricMap):
             states = self.model.solve([self.parameters.as_mapping(row) for row in given[part]])
             out[:, :, part] = np.tensordot(onto, states, axes=1)
         return out
+
+    def coarse(self, points: Array, tolerance: float) -> "ReducedForward":
+        """Return the map on the modes that its trajectories at points (k, n_parameters) need; see `coarse`."""
+        mappings = [self.parameters.as_mapping(row) for row in points]
+        return replace(self, model=coarse(self.model, mappings, tolerance))
 
     @property
     def accuracy(self) -> Mapping[str, float]:

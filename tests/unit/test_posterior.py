@@ -56,7 +56,7 @@ def affine(ranges, seed=0):
     return background_of(function, parameters), function
 
 
-def curved(seed=0):
+def curved(seed=0, bend=1.3):
     """Trajectories of one parameter with a wide range, which they bend in."""
     rng = np.random.default_rng(seed)
     parameters = ParameterSpace((Parameter("stiffness", "1", 1.0, 12.0), Parameter("load", "1", 0.0, 2.0)))
@@ -64,7 +64,7 @@ def curved(seed=0):
 
     def function(points):
         stiffness, load = points.T
-        return mean + one * np.sin(1.3 * np.log(stiffness)) * load + two / stiffness
+        return mean + one * np.sin(bend * np.log(stiffness)) * load + two / stiffness
 
     return background_of(function, parameters), function
 
@@ -266,7 +266,7 @@ def test_two_sets_of_parameters_that_fit_are_both_found_and_said(functionals, ca
 
 
 def test_the_emulation_that_stops_early_says_so_and_claims_less(functionals, caplog):
-    b, function = curved()
+    b, function = curved(bend=6.0)
     with caplog.at_level(logging.WARNING):
         rough = Posterior("laplace", solves=3).prepare(b, functionals, WhiteNoise(1.0))
     assert "raise solves" in caplog.text

@@ -72,3 +72,34 @@ def test_wrong_points_and_a_model_without_a_background_are_refused(trained):
         reduced.background.forward.coefficients(np.zeros((2, 3)))
     with pytest.raises(ShapeError, match="knows no background"):
         ReducedForward(reduced.model.on(None), model.parameters, {})
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
+def test_fewer_modes_make_nearly_the_same_trajectories(trained, tolerance):
+    _, reduced = trained
+    b = reduced.background
+    fewer = b.forward.coarse(b.samples[::2], tolerance)
+    assert fewer.model.dimension <= b.forward.model.dimension
+    points = draw(b.parameters, 10, "uniform", 8)
+    made, whole = fewer.coefficients(points), b.forward.coefficients(points)
+    for name in ("u", "p"):
+        rows = b.block(name)
+        varied = b.coefficients[rows] - b.mean()[rows][:, :, None]
+        size = np.sqrt((varied**2).sum() / b.n_samples)
+        assert np.sqrt(((made - whole)[rows] ** 2).sum() / 10) < 2 * tolerance * size
+    # A field less its mean is coarsened beneath, and the errors that a model states are those of fewer modes, too.
+    less = b.less_mean(["p"]).forward.coarse(b.samples[::2], tolerance)
+    np.testing.assert_allclose(less.coefficients(points), b.without_mean(made, ["p"]), atol=1e-12 * np.abs(made).max())
+    states, errors = fewer.model.estimate([b.parameters.as_mapping(row) for row in points])
+    assert np.isfinite(errors).all()
+    norms = fewer.model.norms(states) / b.forward.model.norms(b.forward.model.solve(
+        [b.parameters.as_mapping(row) for row in points]
+    ))  # fmt: skip
+    np.testing.assert_allclose(norms, 1.0, atol=tolerance)
+
+
+def test_coarser_models_are_smaller(trained):
+    _, reduced = trained
+    b = reduced.background
+    sizes = [b.forward.coarse(b.samples, tolerance).model.dimension for tolerance in (1e-1, 1e-3, 1e-12)]
+    assert sizes[0] < sizes[1] <= sizes[2] <= b.forward.model.dimension
