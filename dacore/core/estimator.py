@@ -1,7 +1,9 @@
 """Estimation: settings, the prepared (offline) half, and what comes out."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -326,6 +328,24 @@ class Estimator(ABC):
         steps : (t,) int array, optional
             Which of the background's times are observed; None for all.
         """
+
+    def groundwork(self) -> Mapping[str, Any] | None:
+        """Settings (JSON values) of what `prepare` makes of a background alone; None if that is not worth keeping."""
+        return None
+
+    def pack(self, background: Background) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+        """Make it, and return it as named arrays and facts (JSON values); CapabilityError if there is none."""
+        raise CapabilityError(f"{type(self).__name__} keeps nothing of a background")
+
+    def unpack(self, arrays: Mapping[str, Array], facts: Mapping[str, Any], background: Background) -> None:
+        """Take what `pack` returned as made, so that `prepare` with this very background does not make it again.
+
+        Raises
+        ------
+        KeyError, ValueError
+            If parts of it are missing, or it is of another background.
+        """
+        raise CapabilityError(f"{type(self).__name__} keeps nothing of a background")
 
 
 def check_scale(noise_scale: Array | float, series: int) -> Array:

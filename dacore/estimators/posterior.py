@@ -7,9 +7,9 @@ posterior's mean, which has the least mean-square error of all estimates.
 """
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from dacore.core.observation import Functionals
 from dacore.errors import ShapeError
 from dacore.estimators.plausible import Plausibility
 from dacore.estimators.posterior_data import Compressed, Observed
-from dacore.estimators.posterior_emulator import Emulator, emulate, forward_of
+from dacore.estimators.posterior_emulator import Emulator, emulate, forward_of, packed, unpacked
 from dacore.estimators.posterior_errors import model_errors
 from dacore.estimators.posterior_modes import Gaussian, search, starts
 from dacore.estimators.posterior_sampling import Cloud, sample, uniform_points
@@ -88,6 +88,18 @@ class Posterior(Estimator):
                 raise ShapeError(f"{name}: got {getattr(self, name)}, expected at least {least}")
         if not 0 < self.tolerance < 1:
             raise ShapeError(f"tolerance: got {self.tolerance}, expected a number between 0 and 1")
+
+    def groundwork(self) -> dict[str, Any]:
+        """Settings of the emulation, which is of the background alone."""
+        return {"tolerance": self.tolerance, "solves": self.solves}
+
+    def pack(self, background: Background) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Emulate the forward map."""
+        return packed(emulate(background, self.tolerance, self.solves))
+
+    def unpack(self, arrays: Mapping[str, Array], facts: Mapping[str, Any], background: Background) -> None:
+        """Take an emulation as done."""
+        unpacked(arrays, facts, background, self.tolerance, self.solves)
 
     def prepare(
         self, background: Background, functionals: Functionals, noise: NoiseModel, steps: IntArray | None = None

@@ -7,8 +7,10 @@ interpolated over the others (`dacore.estimators.posterior_interpolant`).
 """
 
 import logging
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -52,8 +54,10 @@ class Emulator:
         Of (1 + number of affine parameters) · q values.
     training : (K, p) array
         Coordinates of the training samples.
+    missed : (q, K) array
+        What the emulation misses of the modes' coefficients of each training sample, as if it were not one of them.
     errors : (r, t, K) array
-        What the emulated training trajectories differ from the true ones.
+        The same as trajectories, with what the modes leave.
     left : float
         Largest surplus that was not refined, relative to what the training set varies.
     """
@@ -66,6 +70,7 @@ class Emulator:
     modes: Array
     interpolant: Interpolant
     training: Array
+    missed: Array
     errors: Array
     left: float
 
@@ -151,6 +156,44 @@ def emulate(background: Background, tolerance: float, most: int) -> Emulator:
     return known[tolerance, most]
 
 
+def packed(emulator: Emulator) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return an emulator as named arrays and facts, without what its background knows."""
+    arrays = {
+        "modes": emulator.modes.reshape(-1, emulator.q), "missed": emulator.missed,
+        "indices": emulator.interpolant.indices, "weights": emulator.interpolant.weights,
+    }  # fmt: skip
+    return arrays, {"affine": emulator.affine.tolist(), "left": emulator.left}
+
+
+def unpacked(
+    arrays: Mapping[str, Array], facts: Mapping[str, Any], background: Background, tolerance: float, most: int
+) -> None:
+    """Take an emulator of `packed` for that of a background and settings, unless one is there.
+
+    Raises
+    ------
+    KeyError, ValueError
+        If it is not whole, or of another background.
+    """
+    known = _MADE.setdefault(background, {})
+    if (tolerance, most) in known:
+        return
+    frame = _Frame(background)
+    frame.modes, frame.affine = arrays["modes"], np.array(facts["affine"], dtype=np.int64)
+    frame.curved = np.setdiff1d(frame.curved, frame.affine)
+    interpolant = Interpolant(arrays["indices"].astype(np.int64), arrays["weights"])
+    q = frame.modes.shape[1]
+    expected = (
+        ("modes", (len(frame.scaled), q)), ("missed", (q, background.n_samples)),
+        ("indices", (len(interpolant.indices), len(frame.curved))),
+        ("weights", (len(interpolant.indices), (1 + len(frame.affine)) * q)),
+    )  # fmt: skip
+    for name, shape in expected:
+        if arrays[name].shape != shape:
+            raise ValueError(f"{name}: got shape {arrays[name].shape}, expected {shape}")
+    known[tolerance, most] = frame.made(interpolant, arrays["missed"], float(facts["left"]))
+
+
 def forward_of(background: Background) -> ParametricMap:
     """Return the forward map of a background; CapabilityError if it has none."""
     if background.forward is None:
@@ -175,13 +218,13 @@ def _spread(x: Array, count: int) -> IntArray:
     return np.array(chosen, dtype=np.int64)
 
 
-class _Maker:
-    def __init__(self, background: Background, forward: ParametricMap, tolerance: float, most: int) -> None:
-        self.background, self.tolerance, self.most = background, tolerance, most
+class _Frame:
+    """What an emulator takes from its background: coordinates, mean, scales and the training set."""
+
+    def __init__(self, background: Background) -> None:
+        self.background = background
         self.coordinates = Coordinates.of(background.parameters)
         self.training = self.coordinates.of_points(background.samples)
-        # Nodes are many: the map on fewer modes makes them; what that misses is found on the training set, below.
-        self.forward = forward.coarse(background.samples[_spread(self.training, _PLACES)], tolerance)
         self.mean = background.mean()
         self.scale = np.ones(background.dimension)
         for field in background.space.fields:
@@ -190,9 +233,37 @@ class _Maker:
             size = float(np.sqrt((varied**2).sum() / background.n_samples))
             if size > 0:
                 self.scale[rows] = 1.0 / size
+        self.scaled = self._scaled(background.coefficients)
+        p = len(self.coordinates.free)
+        self.affine, self.curved = np.arange(0), np.arange(p)
+        self.modes = np.zeros((len(self.scaled), 0))
+
+    def made(self, interpolant: Interpolant, missed: Array, left: float) -> Emulator:
+        """Return the emulator of what is found."""
+        modes = np.ascontiguousarray(self.modes)
+        errors = modes @ missed - (self.scaled - modes @ (modes.T @ self.scaled))
+        r, t = self.mean.shape
+        errors = errors.reshape(r, t, -1) / self.scale[:, None, None]
+        return Emulator(
+            self.coordinates, self.curved, self.affine, self.mean, self.scale, modes.reshape(r, t, -1), interpolant,
+            self.training, missed, errors, left,
+        )  # fmt: skip
+
+    def _scaled(self, coefficients: Array) -> Array:
+        out = (coefficients - self.mean[:, :, None]) * self.scale[:, None, None]
+        return np.asarray(out.reshape(-1, coefficients.shape[2]))
+
+
+class _Maker(_Frame):
+    """Finds the emulator of a background's forward map."""
+
+    def __init__(self, background: Background, forward: ParametricMap, tolerance: float, most: int) -> None:
+        super().__init__(background)
+        self.tolerance, self.most = tolerance, most
+        # Nodes are many: the map on fewer modes makes them; what that misses is found on the training set, below.
+        self.forward = forward.coarse(background.samples[_spread(self.training, _PLACES)], tolerance)
         self.floor = _MODES * tolerance
-        scaled = self._scaled(background.coefficients)
-        self.modes = self._modes(scaled, self.floor * np.sqrt(background.n_samples))
+        self.modes = self._modes(self.scaled, self.floor * np.sqrt(background.n_samples))
         p = len(self.coordinates.free)
         self.affine = self._find_affine()
         self.curved = np.setdiff1d(np.arange(p), self.affine)
@@ -208,41 +279,26 @@ class _Maker:
         else:
             nothing = np.zeros((1, 0))
             interpolant, left = Interpolant(np.zeros((1, 0), dtype=np.int64), self._nodes(nothing)), 0.0
-        r, t = self.mean.shape
-        b = self.background
-        made = Emulator(
-            self.coordinates, self.curved, self.affine, self.mean, self.scale, self.modes.reshape(r, t, -1),
-            interpolant, self.training, np.zeros((0, 0, 0)), left,
-        )  # fmt: skip
-        made, errors = self._mended(made)
-        spread = float(np.sqrt(((errors * self.scale[:, None, None]) ** 2).sum() / b.n_samples))
+        nodes = len(interpolant.indices)
+        missed = self._values(interpolant) - self.modes.T @ self.scaled
+        smooth, rest = fitted(self.training[:, self.curved], self.training[:, self.affine], missed.T)
+        if smooth is not None:
+            interpolant = interpolant.plus(smooth.indices, -smooth.weights)
+        made = self.made(interpolant, np.ascontiguousarray(rest.T), left)
+        spread = float(np.sqrt(((made.errors * self.scale[:, None, None]) ** 2).sum() / self.background.n_samples))
         if spread > _WORRYING:
             logger.warning(
                 "posterior: the emulated trajectories are off by %.1g of what the training set varies after %d solves; "
-                "raise solves", spread, len(interpolant.indices),
+                "raise solves", spread, nodes,
             )  # fmt: skip
-        return replace(made, errors=errors)
+        return made
 
-    def _mended(self, made: Emulator) -> tuple[Emulator, Array]:
-        """Add what smooth polynomials say of the training set's errors; returns the errors that are left.
-
-        Each sample's error is that of the fit to all others.
-        """
-        b, count = self.background, self.background.n_samples
-        misses = made.lift(made.values(self.training, made.blocks()).T) - b.coefficients
-        misses *= self.scale[:, None, None]
-        misses = misses.reshape(-1, count)
-        within = self.modes.T @ misses
-        outside = misses - self.modes @ within
-        smooth, left = fitted(self.training[:, self.curved], self.training[:, self.affine], within.T)
-        if smooth is not None:
-            made = replace(made, interpolant=made.interpolant.plus(smooth.indices, -smooth.weights))
-        errors = (self.modes @ left.T + outside).reshape(b.coefficients.shape)
-        return made, errors / self.scale[:, None, None]
-
-    def _scaled(self, coefficients: Array) -> Array:
-        out = (coefficients - self.mean[:, :, None]) * self.scale[:, None, None]
-        return np.asarray(out.reshape(-1, coefficients.shape[2]))
+    def _values(self, interpolant: Interpolant) -> Array:
+        """Coefficients (q, K) of the modes of the training samples, as emulated."""
+        basis = interpolant.basis(self.training[:, self.curved])
+        amplitudes = np.column_stack([np.ones(len(basis)), self.training[:, self.affine]])
+        parts = (basis @ interpolant.weights).reshape(len(basis), amplitudes.shape[1], -1)
+        return np.asarray(np.einsum("ka,kaq->qk", amplitudes, parts))
 
     def _modes(self, scaled: Array, allowed: float) -> Array:
         """Orthonormal directions of columns (n, k) that leave no more than `allowed` of all of them together."""

@@ -40,6 +40,8 @@ BASE = 150 * MIB
 COMPONENTS, GUESS = 4.0, {"m": 500.0, "r": 80.0}
 # Of reduced training: motions a trajectory, trajectories and candidates a round, coordinates of the reduced model.
 _MOTIONS, _ROUND, _CANDIDATES, _COORDINATES = 2, 2, 64, 600
+# Marches that emulating a reduced model takes, in terms of those on all its coordinates.
+_NODES = 170
 
 
 def sizes_of(scene: Scene, domain: Domain | None, workers: int) -> dict[str, float]:
@@ -133,6 +135,12 @@ def prepared(sizes: Sizes) -> Cost | None:
     return Cost(seconds, BASE + 4 * m * n + 24 * data + 16 * m * m + 8 * n * sizes["r"])
 
 
+def groundwork(sizes: Sizes) -> Cost:
+    """Some two hundred marches of a reduced model, the first of them on all its coordinates."""
+    values = sizes["r"] * sizes["t"] * sizes["K"]
+    return Cost(3.0 + (0.02 + 1.5e-3 * sizes["marched"]) * _NODES + 1e-8 * values * _COORDINATES, BASE + 50 * values)
+
+
 def measured(sizes: Sizes) -> Cost | None:
     """Reading the unseen cases."""
     n = _dofs(sizes)
@@ -193,6 +201,7 @@ def priced(stages: Sequence[Stage], scene: Scene) -> list[Stage]:
     reduced = scene.training.method == "reduced"
     laws: dict[str, Callable[[Sizes], Cost | None]] = {
         "domain": domain, "model": model, "functionals": functionals, "prepared": prepared,
+        "groundwork": groundwork,
         "training": reduced_training if reduced else lambda sizes: trajectories(sizes, "K"),
         "truth": lambda sizes: trajectories(sizes, "cases"),
         "measured": measured, "reference": reference, "judged": judged, "refinement": refinement,

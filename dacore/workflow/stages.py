@@ -37,6 +37,7 @@ from dacore.studies.refinement import time_refinement
 from dacore.studies.validation import PRODUCT, Judge, Judged, Validation, gather, joint_weights
 from dacore.workflow.board import ProgressBoard
 from dacore.workflow.build import Builder
+from dacore.workflow.groundwork import groundwork_stages
 from dacore.workflow.laws import priced
 from dacore.workflow.studies.stage import STUDY, Means, study_stages
 from dacore.workflow.trained import training_stages
@@ -67,6 +68,7 @@ def scene_pipeline(
     ranges = {name: table.model_dump() for name, table in scene.parameters.items()}
     reduced = scene.training.method == "reduced"
     trained, truth = training_stages(builder, workers, show, scheduler)
+    groundwork, laid = groundwork_stages(builder)
 
     def load_functionals(path: Path, results: Results) -> Functionals:
         kept = read_functionals(path)
@@ -217,9 +219,11 @@ def scene_pipeline(
             "checks", ("model", "parameters", "functionals"), {}, make_checks, purpose="the scene fits together",
         ),
         *trained,
+        *groundwork,
         *(
             Stage(
-                f"prepared.{name}", ("background", "functionals"), _plugin(builder, "estimator", table) | observed,
+                f"prepared.{name}", ("background", "functionals", *laid.get(name, ())),
+                _plugin(builder, "estimator", table) | observed,
                 make_prepared(name), purpose=table.title or table.kind,
             )
             for name, table in scene.estimator.items()
