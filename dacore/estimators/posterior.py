@@ -35,6 +35,7 @@ from dacore.estimators.posterior_data import Compressed, Observed
 from dacore.estimators.posterior_emulator import Emulator, emulate, forward_of, packed, unpacked
 from dacore.estimators.posterior_errors import model_errors
 from dacore.estimators.posterior_modes import Gaussian, search, starts
+from dacore.estimators.posterior_moments import moments
 from dacore.estimators.posterior_sampling import Cloud, sample, uniform_points
 from dacore.estimators.posterior_uncertainty import ForwardErrors, LaplaceUncertainty, SampledUncertainty
 
@@ -342,9 +343,7 @@ class PreparedPosterior(PreparedEstimator):
         states[:, part] = value.T
         root = np.linalg.cholesky(modes.covariance)
         found.anomalies.append(slopes @ root)
-        found.values[part] = self.coordinates.values(modes.x)
-        turned = self.coordinates.slopes(modes.x)[:, :, None] * root
-        found.covariance[part] = turned @ turned.swapaxes(1, 2)
+        found.values[part], found.covariance[part] = moments(self.coordinates, modes.x, modes.covariance)
 
     def _sample(
         self, modes: _Modes, values: Array, variance: Array, blocks: Array, part: slice, states: Array, found: "_Found"

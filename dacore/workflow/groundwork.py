@@ -22,7 +22,7 @@ def groundwork_stages(builder: Builder) -> tuple[list[Stage], dict[str, tuple[st
     Estimators of one kind and the same settings share a stage, in whatever scene on the same background.
     """
     stages: dict[str, Stage] = {}
-    needed = {}
+    needed: dict[str, tuple[str, ...]] = {}
     for name, table in builder.scene.estimator.items():
         estimator = builder.estimators[name]
         asked = estimator.groundwork()

@@ -110,8 +110,10 @@ def test_far_from_the_ends_of_the_ranges_an_affine_map_has_the_gaussian_posterio
         estimate.parameters.covariance, np.repeat(covariance[None], 6, 0), atol=2 * tolerance * covariance.max()
     )
     # The state is affine in the parameters, and so are its quantities.
+    # Reported means have the prior itself in place of its Gaussian, which pulls a little.
+    apart = 1e-8 if kind == "sampled" else 1e-4
     np.testing.assert_allclose(
-        estimate.state(), function(estimate.parameters.values.T), atol=1e-8 * np.abs(truth).max()
+        estimate.state(), function(estimate.parameters.values.T), atol=apart * np.abs(truth).max()
     )
     quantity = Weighted(rng.standard_normal((2, 42)))
     along = quantity.weights @ (function(np.eye(3)) - function(np.zeros((3, 3)))).mean(axis=1)
@@ -161,6 +163,16 @@ def test_a_curved_posterior_is_that_of_quadrature(sigma, functionals):
             np.abs(estimate.state()[:, :, k] - wanted).max()
             < 0.05 * np.sqrt((weights * (states - wanted[:, :, None]) ** 2).sum(axis=2)).max()
         )
+
+
+def test_nothing_is_learned_of_logarithms_that_nothing_pins(functionals):
+    b, function = curved()
+    data = functionals(function(np.array([[3.0, 1.0], [11.0, 0.4]])))
+    estimate = Posterior("laplace").prepare(b, functionals, WhiteNoise(1.0)).estimate(data, 1e6)
+    np.testing.assert_allclose(estimate.parameters.values, np.array([[6.5], [1.0]]) * np.ones(2), rtol=0.01)
+    np.testing.assert_allclose(estimate.parameters.learned, 0.0, atol=0.01)
+    half = Posterior("laplace").prepare(b, functionals, WhiteNoise(1.0)).estimate(data, 5.0)
+    assert half.parameters.learned.min() >= 0
 
 
 def test_what_nothing_pins_keeps_its_range(functionals):

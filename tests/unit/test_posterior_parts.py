@@ -9,6 +9,7 @@ from dacore.errors import ShapeError
 from dacore.estimators.posterior_coordinates import Coordinates
 from dacore.estimators.posterior_interpolant import MOST_NODES, Interpolant, interpolate, leja, polynomials
 from dacore.estimators.posterior_modes import Gaussian, search, starts
+from dacore.estimators.posterior_moments import moments
 from dacore.estimators.posterior_sampling import Cloud, Mixture, Truncated, sample, uniform_points
 
 SPACE = ParameterSpace(
@@ -196,3 +197,37 @@ def test_points_that_miss_the_mass_are_moved_there():
 def test_an_interpolant_of_one_index_is_a_constant():
     constant = Interpolant(np.zeros((1, 2), dtype=np.int64), np.array([[3.0]]))
     np.testing.assert_array_equal(constant(np.ones((4, 2))), np.full((4, 1), 3.0))
+
+
+def test_moments_of_parameters_are_those_of_the_prior_where_nothing_is_known_and_of_the_gaussian_where_much_is():
+    c = Coordinates.of(SPACE)
+    mean, deviation = c.prior_of_coordinates
+    values, covariance = moments(c, mean[None], np.diag(deviation**2)[None])
+    drawn = SPACE.sample(np.random.default_rng(5), 2**14, "sobol")[:, c.free]
+    np.testing.assert_allclose(values[0], drawn.mean(axis=0), rtol=2e-3)
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance[0])), c.prior, rtol=1e-3)
+    # Well determined, far from the ends: the parameters' slopes tell all.
+    at, root = np.array([[0.2, -0.3, 0.4, 0.1]]), 1e-5 * np.random.default_rng(6).standard_normal((4, 4))
+    values, covariance = moments(c, at, (root @ root.T)[None])
+    turned = c.slopes(at)[0][:, None] * root
+    np.testing.assert_allclose(values, c.values(at), rtol=1e-6)
+    size = np.sqrt(np.diag(turned @ turned.T))
+    np.testing.assert_allclose(
+        covariance[0] / np.outer(size, size), turned @ turned.T / np.outer(size, size), atol=1e-4
+    )
+
+
+def test_moments_of_half_known_parameters_are_those_of_quadrature():
+    c = Coordinates.of(SPACE)
+    at, spread = np.array([[0.7, 0.9, -0.2, 0.0]]), np.array([0.4, 0.3, 0.5, 0.2])
+    values, covariance = moments(c, at, np.diag(spread**2)[None])
+    x = ((np.arange(20000) + 0.5) / 10000 - 1)[:, None]
+    middle, wide = c.prior_of_coordinates
+    likelihood = np.exp(-0.5 * ((x - at) / spread) ** 2 + 0.5 * ((x - middle) / wide) ** 2)
+    weights = likelihood * np.exp(c.slope * x)
+    weights /= weights.sum(axis=0)
+    every = c.values(np.repeat(x, 4, axis=1))
+    mean = (weights * every).sum(axis=0)
+    np.testing.assert_allclose(values[0], mean, rtol=1e-6)
+    dense = np.sqrt((weights * (every - mean) ** 2).sum(axis=0))
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance[0])), np.minimum(dense, c.prior), rtol=1e-5)
