@@ -296,7 +296,7 @@ def test_the_table_of_stages_is_that_of_the_code(tmp_path):
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:3] == "| `"]
     # "`NAME`, what of": how the stage differs, or that it is there, where training is reduced.
     always, reduced = ({row[0].split("`")[1]: row for row in rows if ("`," in row[0]) == other} for other in (0, 1))
-    studies = always.pop("study.NAME")
+    studies, groundwork = always.pop("study.NAME"), always.pop("groundwork.NAME")
 
     def stages(*changes, scene="ball"):
         pipeline = open_scene(ROOT / f"examples/toy/{scene}.toml", changes, cache=tmp_path).runner.pipeline
@@ -311,7 +311,8 @@ def test_the_table_of_stages_is_that_of_the_code(tmp_path):
     assert {name: row[1] for name, row in (always | reduced).items()} == found
     # A study needs what its kind says; its findings are kept.
     with_studies = stages(scene="studies")
-    assert with_studies.keys() - found.keys() == {"study.NAME"}
+    assert with_studies.keys() - found.keys() == {"study.NAME", "groundwork.NAME"}
+    assert (groundwork[1], bool(groundwork[3])) == with_studies["groundwork.NAME"]
     assert (studies[1], bool(studies[3])) == ("what its kind asks for", with_studies["study.NAME"][1])
 
 

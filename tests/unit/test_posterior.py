@@ -225,6 +225,20 @@ def test_deviations_are_right_on_average(functionals):
     assert not estimate.misfit.alarm.any()
 
 
+def test_intervals_do_not_depend_on_what_was_asked_before(functionals):
+    b, function = curved()
+    data = functionals(function(b.parameters.sample(np.random.default_rng(19), 3)))
+    prepared = Posterior(points=128).prepare(b, functionals, WhiteNoise(1.0))
+    one, other = Weighted(np.eye(42)[:2]), Weighted(np.eye(42)[30:32])
+    estimate = prepared.estimate(data, 2.0)
+    asked = [estimate.interval(each, level) for each, level in ((one, 0.9), (other, 0.9), (one, 0.5), (one, 0.9))]
+    fresh = prepared.estimate(data, 2.0).interval(other, 0.9)
+    np.testing.assert_array_equal(asked[0], asked[3])
+    np.testing.assert_array_equal(asked[1], fresh)
+    assert (asked[2][0] > asked[0][0]).all()
+    assert (asked[2][1] < asked[0][1]).all()
+
+
 def test_data_of_another_model_raise_an_alarm(functionals):
     b, function = curved()
     truth = function(b.parameters.sample(np.random.default_rng(9), 3))
