@@ -29,6 +29,8 @@ class ClassPanel:
         Estimates at or above it are called raised.
     low, high : (k,) arrays, optional
         Intervals of the estimates.
+    series : int, optional
+        Number of the estimator's colour; its place among the panels by default.
     """
 
     label: str
@@ -38,6 +40,7 @@ class ClassPanel:
     threshold: float
     low: Array | None = None
     high: Array | None = None
+    series: int | None = None
 
     def __post_init__(self) -> None:
         wanted = np.shape(self.truth)
@@ -69,6 +72,8 @@ class OperatingLine:
         Under the curve.
     interval : (float, float)
         Of the area.
+    series : int, optional
+        Number of the estimator's colour; its place among the curves by default.
     """
 
     label: str
@@ -76,6 +81,7 @@ class OperatingLine:
     true_positive: Array
     area: float
     interval: tuple[float, float]
+    series: int | None = None
 
     def __post_init__(self) -> None:
         if np.shape(self.false_positive) != np.shape(self.true_positive):
@@ -93,6 +99,8 @@ def classification(
     caption: str = "",
 ) -> Figure:
     """Draw estimates against truths with the threshold, a panel an estimator, and all operating curves.
+
+    A panel and a curve have the colour of their estimator; groups are told apart by fill and shape.
 
     Parameters
     ----------
@@ -113,19 +121,26 @@ def classification(
     columns = 2 if total == 4 else min(3, total)
     rows = -(-total // columns)
     size = (WIDTH - 0.3) / 3
-    figure, grid = sheet(rows, columns, (size + 0.45) * rows + 0.4, caption, width=max(size * columns + 0.3, 4.2))
+    beside = total < rows * columns
+    height = (size + 0.45) * rows + (0.4 if beside else 0.6 + 0.3 * len(curves))
+    figure, grid = sheet(rows, columns, height, caption, width=max(size * columns + 0.3, 4.2))
     limits = _limits(panels)
     for axes in grid.flat[total:]:
         axes.set_visible(False)
     for index, (axes, panel) in enumerate(zip(grid.flat, panels)):
-        _scatter(axes, panel, limits, groups, level)
+        _scatter(axes, panel, colour(_series(panel, index)), limits, groups, level)
         axes.set_xlabel(f"true {pretty(name)}  [{unit}]")
         if index % columns == 0:
             axes.set_ylabel(f"estimated {pretty(name)}  [{unit}]")
     if curves:
-        _curves(grid.flat[len(panels)], curves, beside=total < rows * columns)
-    legend_below(figure, list(grid.flat[: len(panels)]))
+        _curves(grid.flat[len(panels)], curves, beside)
+    # Inside their panel it would cover a curve, wherever it stood.
+    legend_below(figure, list(grid.flat[: len(panels) if beside else total]))
     return figure
+
+
+def _series(given: ClassPanel | OperatingLine, index: int) -> int:
+    return index if given.series is None else given.series
 
 
 def _limits(panels: Sequence[ClassPanel]) -> tuple[float, float]:
@@ -139,7 +154,7 @@ def _limits(panels: Sequence[ClassPanel]) -> tuple[float, float]:
 
 
 def _scatter(
-    axes: Axes, panel: ClassPanel, limits: tuple[float, float], groups: tuple[str, str], level: float
+    axes: Axes, panel: ClassPanel, shade: str, limits: tuple[float, float], groups: tuple[str, str], level: float
 ) -> None:  # fmt: skip
     truth, estimate = np.asarray(panel.truth, dtype=np.float64), np.asarray(panel.estimate, dtype=np.float64)
     raised = np.asarray(panel.raised)
@@ -154,14 +169,18 @@ def _scatter(
         if panel.low is not None and panel.high is not None and few:
             ends = np.stack([shown - np.asarray(panel.low), np.asarray(panel.high) - shown])[:, mine]
             axes.errorbar(
-                truth[mine], shown[mine], yerr=np.maximum(ends, 0.0), fmt="none", ecolor=colour(index), elinewidth=1.0,
+                truth[mine], shown[mine], yerr=np.maximum(ends, 0.0), fmt="none", ecolor=shade, elinewidth=1.0,
                 alpha=0.5, capsize=1.5,
             )  # fmt: skip
         axes.plot(
-            truth[mine], shown[mine], marker(index), color=colour(index), markersize=5.0 if few else 2.6,
-            alpha=1.0 if few else 0.55, markeredgecolor="white" if few else "none", markeredgewidth=0.5,
+            truth[mine], shown[mine], marker(index), color=shade, markersize=5.0 if few else 2.6,
+            markerfacecolor=shade if index else "white", alpha=1.0 if few else 0.55,
+            markeredgewidth=0.9 if few else 0.6, zorder=2.5,
         )  # fmt: skip
-        axes.plot([], [], marker(index), color=colour(index), markersize=5.0, label=pretty(name))
+        axes.plot(
+            [], [], marker(index), color=INK, markerfacecolor=INK if index else "white", markersize=5.0,
+            label=pretty(name),
+        )  # fmt: skip
     wrong = ~panel.right
     if wrong.any():
         axes.plot(
@@ -184,13 +203,13 @@ def _scatter(
 
 
 def _curves(axes: Axes, curves: Sequence[OperatingLine], beside: bool) -> None:
-    """Draw operating curves; their legend stands beside them where the last row has room for it."""
+    """Draw operating curves; their legend stands beside them where the last row has room for it, else below all."""
     axes.plot([0, 1], [0, 1], color=FAINT, linewidth=0.9, linestyle=(0, (2, 3)))
     dashes = ("-", (0, (6, 2)), (0, (3, 1.5)), (0, (1, 1.2)))
     for index, curve in enumerate(curves):
         axes.plot(
-            curve.false_positive, curve.true_positive, color=colour(index + 2), linestyle=dashes[index % len(dashes)],
-            linewidth=2.4 - 0.3 * min(index, 4), clip_on=False, zorder=3,
+            curve.false_positive, curve.true_positive, color=colour(_series(curve, index)),
+            linestyle=dashes[index % len(dashes)], linewidth=2.4 - 0.3 * min(index, 4), clip_on=False, zorder=3,
             label=f"{pretty(curve.label)}\nAUC {curve.area:.3f} [{curve.interval[0]:.3f}, {curve.interval[1]:.3f}]",
         )  # fmt: skip
     axes.set(xlim=(0, 1), ylim=(0, 1), aspect="equal")
@@ -203,8 +222,3 @@ def _curves(axes: Axes, curves: Sequence[OperatingLine], beside: bool) -> None:
         )
         # It lies over empty panels, which the layout must not make room for.
         legend.set_in_layout(False)
-    else:
-        axes.legend(
-            loc="lower right", fontsize=6.5 if len(curves) > 2 else 7.5, labelspacing=0.7, frameon=True,
-            edgecolor="none", framealpha=0.85,
-        )  # fmt: skip

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from dacore.core.arrays import Array, IntArray
 from dacore.errors import ShapeError
@@ -36,7 +37,7 @@ class DimensionPanel:
     label : str
     dimensions : (n,) int array
     errors : mapping of str to (n,) array
-        Relative errors found with each dimension, by name.
+        Relative errors found with each dimension, by name; choices are marked on the last, that of the hidden field.
     tails, inf_sup : (n,) arrays
         ε̂_n and β_n; zero where the space is not seen.
     chosen : mapping of str to int
@@ -83,8 +84,7 @@ class DimensionPanel:
 def dimension(panels: Sequence[DimensionPanel], caption: str = "") -> Figure:
     """Draw errors above ε̂_n, β_n and the bound, a column a noise level, with each rule's choice.
 
-    Choices are marked on the curve of the first error, whose least value has a star; a number in the legend's place
-    below the axis says n.
+    Choices are marked on the curve of the last error, whose least value has a star.
 
     Parameters
     ----------
@@ -105,6 +105,7 @@ def dimension(panels: Sequence[DimensionPanel], caption: str = "") -> Figure:
         _bound(grid[1, column], panel)
         grid[0, column].set_title(title_text(panel.label))
         grid[1, column].set_xlabel("dimension $n$")
+        grid[1, column].xaxis.set_major_locator(MaxNLocator(nbins=6, integer=True))
     grid[0, 0].set_ylabel("relative error  [%]")
     grid[1, 0].set_ylabel(r"$\beta_n$, $\hat{\varepsilon}_n$, bound  [–]")
     legend_below(figure, list(grid.flat))
@@ -118,17 +119,17 @@ def _errors(axes: Axes, panel: DimensionPanel, names: Sequence[str], rules: Sequ
         index = names.index(name)
         shown = 100 * np.asarray(values, dtype=np.float64)
         axes.plot(n, np.where(shown > 0, shown, np.nan), color=colour(index), label=pretty(name))
-    first, values = next(iter(panel.errors.items()))
+    judged, values = list(panel.errors.items())[-1]
     shown = 100 * np.asarray(values, dtype=np.float64)
     best = int(np.nanargmin(shown))
     axes.plot(
-        n[best], shown[best], "*", markersize=14, color=colour(names.index(first)), markeredgecolor="white", zorder=4,
-        linestyle="none", label="least error",
+        n[best], shown[best], "*", markersize=14, color=colour(names.index(judged)), markeredgecolor="white", zorder=4,
+        linestyle="none", label=f"least error of {pretty(judged)}",
     )  # fmt: skip
     for rule, chosen in panel.chosen.items():
         place = int(np.flatnonzero(n == chosen)[0])
         axes.plot(
-            chosen, shown[place], _RULES[rules.index(rule) % len(_RULES)], markersize=7.5, markerfacecolor="white",
+            chosen, shown[place], _RULES[rules.index(rule) % len(_RULES)], markersize=7.5, markerfacecolor="none",
             markeredgecolor=INK, markeredgewidth=1.2, zorder=5, linestyle="none", label=pretty(rule),
         )  # fmt: skip
         axes.axvline(chosen, color=FAINT, linewidth=0.6, linestyle=(0, (2, 3)), zorder=0)

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from dacore.core.arrays import Array
 from dacore.errors import ShapeError
-from dacore.figures.style import COLOURS, FAINT, INK, WIDTH, legend_below, log_axis, pretty, sheet, styled
+from dacore.figures.style import COLOURS, FAINT, INK, WIDTH, legend_below, log_axis, pretty, sheet, styled, title_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ def placement(panels: Sequence[PlacementPanel], what: str = "slices", caption: s
         else:
             axes.locator_params(axis="x", integer=True)
         axes.set_xlim(-0.2 if np.isfinite(_shown(panel.values, panel.log)[0]) else 0.6, len(numbers) - 0.7)
-        axes.set_title(pretty(panel.label))
+        axes.set_title(title_text(panel.label))
         axes.set_xlabel(f"number of {pretty(what)}" + (", and the one added" if panel.names else ""), color=INK)
         axes.set_ylabel(pretty(panel.axis))
     legend_below(figure, list(grid.flat))

@@ -93,7 +93,7 @@ def weights(study: WeightStudy, caption: str = "") -> Figure:
                     pretty(name), (value, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3),
                     textcoords="offset points", ha="center", va="bottom", fontsize=8, color=INK,
                 )  # fmt: skip
-    bottom.set_xlabel(rf"weight $\zeta$  [{study.unit}]")
+    bottom.set_xlabel(rf"weight $\zeta$  [{'–' if study.unit == '1' else study.unit}]")
     legend_below(figure, [top])
     return figure
 

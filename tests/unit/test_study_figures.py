@@ -15,7 +15,7 @@ from dacore.figures.dimension import DimensionPanel, dimension
 from dacore.figures.learned import learned
 from dacore.figures.mismatch import MismatchCurve, mismatch
 from dacore.figures.placement import PlacementPanel, placement
-from dacore.figures.style import png
+from dacore.figures.style import COLOURS, png
 from dacore.figures.weights import WeightStudy, weights
 
 RATES = np.array([0.0, 0.0, 0.5, 1.0]), np.array([0.0, 0.5, 1.0, 1.0])
@@ -56,9 +56,9 @@ def test_classification_counts_who_is_told_right_and_rings_the_others():
     assert "told wrong" not in [each.get_label() for each in second.lines]
     assert first.get_xlabel() == "true ventricular pressure  [dyn/cm²]"
     assert first.get_ylabel() == "estimated ventricular pressure  [dyn/cm²]"
-    assert legend(figure) == ["threshold", "estimate = truth", "normal", "raised", "told wrong", "90 % interval"]
+    entries = ["threshold", "estimate = truth", "normal", "raised", "told wrong", "90 % interval"]
+    assert legend(figure) == [*entries, "minimum variance\nAUC 0.875 [0.600, 0.970]"]
     np.testing.assert_array_equal(roc.lines[1].get_ydata(), RATES[1])
-    assert "AUC 0.875 [0.600, 0.970]" in roc.get_legend().get_texts()[0].get_text()
     # Segments of the intervals go from the low to the high ends.
     ends = np.concatenate([each.get_segments() for each in second.collections if hasattr(each, "get_segments")])
     np.testing.assert_allclose(np.ptp(ends[:, :, 1], axis=1), 140.0)
@@ -97,20 +97,25 @@ def test_calibration_draws_shares_in_percent_and_histograms_of_density():
 
 def dimension_panel(label="exact", **options):
     n = np.arange(1, 11)
-    return DimensionPanel(label, n, {"p": 0.1 * (n - 4.0) ** 2 + 0.5, "u": 1.0 / n}, 1.0 / n**2, 1.0 / n, **options)
+    return DimensionPanel(label, n, {"u": 1.0 / n, "p": 0.1 * (n - 4.0) ** 2 + 0.5}, 1.0 / n**2, 1.0 / n, **options)
 
 
-def test_dimension_marks_the_least_error_and_each_rules_choice():
+def test_dimension_marks_the_least_error_of_the_last_and_each_rules_choice():
     figure = dimension([dimension_panel(chosen={"bound": 7, "held out": 4}), dimension_panel("10 % noise")])
     above, _, below, _ = drawn(figure)
     lines = {each.get_label(): each for each in above.lines}
-    assert lines["least error"].get_xydata().tolist() == [[4.0, 50.0]]
+    assert lines["least error of p"].get_xydata().tolist() == [[4.0, 50.0]]
     np.testing.assert_allclose(lines["bound"].get_xydata(), [[7.0, 140.0]])
     np.testing.assert_allclose(lines["held out"].get_xydata(), [[4.0, 50.0]])
     bound = next(each for each in below.lines if each.get_label() == "bound")
     np.testing.assert_allclose(bound.get_ydata(), 1.0 / np.arange(1, 11))
     assert above.get_ylabel() == "relative error  [%]"
     assert above.get_yscale() == below.get_yscale() == "log"
+    few = DimensionPanel("x", np.arange(1, 4), {"u": ONES}, ONES, ONES)
+    figure = dimension([few])
+    figure.canvas.draw()
+    for axes in drawn(figure):
+        assert (axes.get_xticks() % 1 == 0).all()
 
 
 def test_a_bound_is_left_out_where_the_space_is_not_seen():
@@ -131,7 +136,7 @@ def test_weights_share_a_logarithmic_axis_over_all_decades():
     np.testing.assert_allclose(top.lines[0].get_ydata(), 100 * zeta**0.01)
     assert texts(top) == ["published"]
     assert [axes.get_xscale() for axes in (top, middle, bottom)] == ["log"] * 3
-    assert bottom.get_xlabel().endswith("[1]")
+    assert bottom.get_xlabel().endswith("[–]")
     assert bottom.get_xlim()[1] / bottom.get_xlim()[0] > 1e12
     assert legend(figure) == ["u", "p", "guessing the training mean"]
 
@@ -248,7 +253,28 @@ def test_the_legend_of_curves_stands_beside_them_where_there_is_room():
     roc = drawn(beside)[-1]
     beside.canvas.draw()
     assert roc.get_legend().get_window_extent().x0 >= roc.get_window_extent().x1
-    inside = classification(panels[:2], lines, "p_v", "dyn/cm²")
-    roc = drawn(inside)[-1]
-    inside.canvas.draw()
-    assert roc.get_legend().get_window_extent().x1 <= roc.get_window_extent().x1
+    below = classification(panels[:2], lines, "p_v", "dyn/cm²")
+    roc = drawn(below)[-1]
+    below.canvas.draw()
+    assert roc.get_legend() is None
+    assert below.legends[0].get_window_extent().y1 <= roc.get_window_extent().y0
+    assert len(legend(below)) == len(legend(beside)) + 5
+
+
+def test_an_estimator_has_one_colour_in_its_panel_and_its_curve():
+    panels = [class_panel(series=2), class_panel(series=0)]
+    lines = [OperatingLine(f"estimator {k}", *RATES, 0.875, (0.6, 0.97), series=k) for k in (2, 0)]
+    *scatters, roc = drawn(classification(panels, lines, "p_v", "dyn/cm²"))
+    for axes, curve, k in zip(scatters, roc.lines[1:], (2, 0), strict=True):
+        points = [each for each in axes.lines if len(each.get_xdata()) == 8]
+        assert {each.get_color() for each in (curve, *points)} == {COLOURS[k]}
+        fills = [each.get_markerfacecolor() for each in points]
+        assert fills == ["white", COLOURS[k]]
+
+
+def test_titles_of_neighbouring_panels_do_not_meet():
+    panel = PlacementPanel("deviation left, covariance of the training set", "left", ONES, np.zeros((0, 3)))
+    figure = placement([panel, panel, panel])
+    figure.canvas.draw()
+    boxes = [axes.title.get_window_extent() for axes in drawn(figure)]
+    assert all(left.x1 < right.x0 for left, right in itertools.pairwise(boxes))
