@@ -13,6 +13,8 @@ _E_OF = "e\N{NO-BREAK SPACE}of\N{NO-BREAK SPACE}"
 _BACK = '<a class="back" href="#top" aria-label="Back to the contents">↑</a>'
 # Longer tables are folded; print shows them whole.
 _LONG = 14
+# Tables of more columns are set smaller, to fit the page.
+_WIDE = 8
 
 
 def render_report(report: Report) -> str:
@@ -95,7 +97,8 @@ def _table(table: Table, numbers: "Mapping[str, count[int]]") -> str:
         body.append(f"<tr{_classes('group' if starts else '')}>{first}{rest}</tr>\n")
     note = f'<p class="note">{_inline(table.note)}</p>\n' if table.note else ""
     whole = (
-        f'<div class="scroll" tabindex="0">\n<table>\n<thead><tr>{head}</tr></thead>\n'
+        f'<div class="scroll" tabindex="0">\n<table{_classes("many" if len(table.headers) > _WIDE else "")}>\n'
+        f"<thead><tr>{head}</tr></thead>\n"
         f"<tbody>\n{''.join(body)}</tbody>\n</table>\n</div>\n{note}"
     )
     if len(table.rows) > _LONG and caption:

@@ -69,7 +69,11 @@ figcaption, .table .caption, .table .note {
 .table { margin: 22px 0 0; }
 .table .caption { margin: 0 0 8px; }
 .number { color: var(--ink); font-weight: 600; }
-.scroll { overflow-x: auto; }
+.scroll {
+  overflow-x: auto;
+  background: linear-gradient(to left, var(--card) 40%, transparent) right / 36px 100% no-repeat local,
+    linear-gradient(to left, var(--bar), transparent) right / 14px 100% no-repeat scroll;
+}
 table {
   border-collapse: collapse; width: 100%; font-size: .88rem; line-height: 1.45; font-variant-numeric: tabular-nums;
 }
@@ -79,6 +83,9 @@ tbody th { font-weight: 500; min-width: 8.5em; }
 tbody tr:last-child > * { border-bottom: 0; }
 .r { text-align: right; }
 tbody td:not(.r) { min-width: 8.5em; }
+table.many { font-size: .78rem; }
+.many th, .many td { padding: 5px 6px; }
+.many tbody th, .many tbody td:not(.r) { min-width: 6em; }
 tr:not(.group) > th:empty { border-bottom-color: transparent; }
 tr.group > * { border-top: 1px solid var(--soft); }
 tbody tr.group:first-child > * { border-top: 0; }
@@ -119,7 +126,10 @@ footer { color: var(--soft); font-size: .86rem; padding-bottom: 48px; }
   .back { display: none; }
   details.long { border: 0; padding: 0; } details.long::details-content { content-visibility: visible; }
   details.long > summary { list-style: none; }
-  th, td { padding: 3px 5px; } table { font-size: 8.5pt; } thead { display: table-header-group; }
+  th, td { padding: 3px 5px; } table { font-size: 8.5pt; } .scroll { background: none; }
+  table.many { font-size: 7pt; } .many th, .many td { padding: 2px 3px; }
+  tbody th, tbody td:not(.r), .many tbody th, .many tbody td:not(.r) { min-width: 0; }
+  thead { display: table-header-group; }
   .cards { grid-template-columns: repeat(3, 1fr); } figure { margin-top: 12px; } .plate img { max-height: 22cm; }
 }
 """

@@ -167,6 +167,13 @@ def one_table(rows, caption="errors"):
     return render_report(Report("t", sections=[Section("s", parts=[Table(["a", "b"], rows, caption)])]))
 
 
+def test_a_table_of_many_columns_is_set_smaller():
+    for columns, small in ((8, False), (9, True)):
+        table = Table([f"h{k}" for k in range(columns)], [["1"] * columns])
+        text = render_report(Report("r", sections=[Section("s", parts=[table])]))
+        assert ('<table class="many">' in text) is small
+
+
 def test_long_tables_are_folded_and_named_before_they_are_opened():
     short, long = (one_table([[f"row {k}", "1"] for k in range(n)]) for n in (14, 15))
     assert "details" not in {tag for tag, _ in Reader(short).tags}
