@@ -17,7 +17,11 @@ def dacore_domains() -> list[PluginSpec]:
 def dacore_estimators() -> list[PluginSpec]:
     """Declare the estimators."""
     return [
-        PluginSpec("pbdw", "dacore.estimators.pbdw:PBDW", summary="parametrised-background data-weak: exact, regularised or weighted by noise"),
+        PluginSpec(
+            "pbdw",
+            "dacore.estimators.pbdw:PBDW",
+            summary="parametrised-background data-weak: exact, regularised or weighted by noise",
+        ),
         PluginSpec(
             "minimum_variance",
             "dacore.estimators.minimum_variance:MinimumVariance",

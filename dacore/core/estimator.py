@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -300,7 +300,15 @@ class PreparedEstimator(ABC):
 
 
 class Estimator(ABC):
-    """Frozen settings of an estimator; a plugin class of the hook ``dacore_estimators``."""
+    """Frozen settings of an estimator; a plugin class of the hook ``dacore_estimators``.
+
+    Attributes
+    ----------
+    needs_forward : bool
+        Whether it needs the map from parameters to trajectories, which reduced training leaves.
+    """
+
+    needs_forward: ClassVar[bool] = False
 
     def check(self, layout: Layout, samples: int) -> None:  # noqa: B027 (most estimators take any space)
         """Raise ShapeError for settings that cannot work, before anything is trained.

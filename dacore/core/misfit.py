@@ -7,7 +7,8 @@ from scipy.stats import chi2
 
 from dacore.core.arrays import Array, BoolArray
 
-# One false alarm in ten thousand series whose model and noise are right.
+# Nominal share of false alarms among series whose model and noise are right. Distributions are matched to what few
+# training samples show: with 20 of them and next to no noise a few in a hundred are false, with 100 one in a thousand.
 ALARM = 1e-4
 
 

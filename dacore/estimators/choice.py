@@ -90,8 +90,7 @@ class Choice:
             raise ShapeError(f"n: got 'noise' with {count} training trajectories, expected at least 3; give a number")
         every = np.arange(1, int(self.usable.max()) + 1)
         if self.pencil is None:
-            bias, noise = self._expected(0.0)
-            total = bias + level**2 * noise
+            total = _with_noise(*self._expected(0.0), level)
         else:
             held: Missed = missed if isinstance(missed, float | int) else "held_out"
             spaces = np.ones(len(self.usable), dtype=int)
@@ -101,7 +100,7 @@ class Choice:
             total = np.full(exponents.shape, np.inf)
             for exponent in np.unique(exponents):
                 bias, noise = self._expected(float(10.0**exponent))
-                total = np.where(exponents == exponent, bias + level**2 * noise, total)
+                total = np.where(exponents == exponent, _with_noise(bias, noise, level), total)
         total = np.where(every > self.usable[:, None], np.inf, total)
         return np.where(self.usable > 0, np.argmin(total, axis=1) + 1, 0)
 
@@ -167,6 +166,11 @@ class Choice:
         return out
 
 
+def _with_noise(bias: Array, noise: Array, level: float) -> Array:
+    """Expected squares with noise; infinite where spaces without some trajectories have too few modes to tell."""
+    return np.where(np.isfinite(noise), bias + level**2 * np.where(np.isfinite(noise), noise, 0.0), np.inf)
+
+
 def _by_data(p: Projection, pencil: Pencil, rule: str, dimensions: IntArray, scale: Array, turned: Array) -> Array:
     """λ (k,) of each series, the same for all steps, from the residuals of its own data."""
     ratios = _RATIOS * float(pencil.values.max(initial=0.0))
@@ -184,7 +188,10 @@ def _by_data(p: Projection, pencil: Pencil, rule: str, dimensions: IntArray, sca
                 trace = ratio * float((factors**2 * (1.0 - (q**2).sum(axis=1))).sum())
                 free[number, series] += trace * part.shape[1]
     if rule == "gcv":
-        return np.asarray(ratios[np.argmin(squares / free**2, axis=0)])
+        # Where nothing is left free there is nothing to judge by.
+        known = free > 1e-9 * turned.shape[1]
+        scores = np.divide(squares, free**2, out=np.full_like(squares, np.inf), where=known)
+        return np.asarray(ratios[np.argmin(scores, axis=0)])
     count = turned.shape[1] // len(dimensions)
     left = len(pencil.values) * turned.shape[1] - count * dimensions.sum(axis=0)
     # The residual grows with λ: the largest that leaves no more than the noise.

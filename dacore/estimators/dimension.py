@@ -79,8 +79,9 @@ def cross_validated(squares: Array, m: int, usable: int) -> Array:
     -------
     (k,) int array
     """
-    total = squares[1 : usable + 1].sum(axis=1)
-    free = np.maximum(m - np.arange(1, len(total) + 1), 1e-9)
+    # Where n uses up all functionals nothing is left to judge by: 0/0.
+    total = squares[1 : max(min(usable, m - 1), 1) + 1].sum(axis=1)
+    free = np.maximum(m - np.arange(1, len(total) + 1), 1.0)
     return np.asarray(np.argmin(total / free[:, None] ** 2, axis=0) + 1)
 
 

@@ -9,7 +9,7 @@ posterior's mean, which has the least mean-square error of all estimates.
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -76,6 +76,8 @@ class Posterior(Estimator):
         Nodes of the emulation at most; each takes one trajectory of the forward map, and one more for each
         parameter that trajectories are affine in.
     """
+
+    needs_forward: ClassVar[bool] = True
 
     posterior: Literal["sampled", "laplace"] = "sampled"
     points: int = 2048
@@ -208,15 +210,16 @@ class PreparedPosterior(PreparedEstimator):
                 "deviations", several, k,
             )  # fmt: skip
         statistic = found.statistic + compressed.rest / (scale**2 + self.observed.outside)
+        parameters = ParameterEstimate(self.coordinates.names, found.values.T, found.covariance, self.coordinates.prior)
+        learned = np.clip(parameters.learned, 0.0, 1.0).sum(axis=0)
         return Estimate(
             self.background,
             np.arange(len(self.background.times)),
             self.emulator.lift(states),
             uncertainty=self._uncertainty(found),
-            misfit=Misfit(statistic, np.full(k, float(max(self.observed.count - p, 1)))),
-            parameters=ParameterEstimate(
-                self.coordinates.names, found.values.T, found.covariance, self.coordinates.prior
-            ),
+            # What nothing is learned of takes no freedom from the data.
+            misfit=Misfit(statistic, np.maximum(self.observed.count - learned, 1.0)),
+            parameters=parameters,
         )
 
     def log_posterior(self, data: Array, noise_scale: float, exact: bool = False) -> Callable[[Array], Array]:
@@ -307,7 +310,10 @@ class PreparedPosterior(PreparedEstimator):
         best = cost.min(axis=1)
         # Twice the best cost is a sum of squares; what nothing fits may have a better mode elsewhere.
         used = np.isfinite(variance).sum(axis=1)
-        doubtful = np.flatnonzero(2 * best > used + p + 5.0 * np.sqrt(2.0 * used))
+        bad = 2 * best > used + p + 5.0 * np.sqrt(2.0 * used)
+        # Where two modes fit there may be more than so few starts can find.
+        several = [len(_competing(x[j], cost[j], precision[j], np.linalg.inv(precision[j]))) > 1 for j in range(k)]
+        doubtful = np.flatnonzero(bad | np.array(several, dtype=bool))
         for_each: list[tuple[Array, Array, Array]] = list(zip(x, cost, precision, strict=True))
         if len(doubtful):
             more = self._search(values[doubtful], variance[doubtful], blocks, expected, _AGAIN * count)

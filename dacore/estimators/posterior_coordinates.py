@@ -101,7 +101,7 @@ class Coordinates:
 
     def points(self, x: Array) -> Array:
         """Parameter vectors (k, n_parameters) at coordinates (k, p)."""
-        fixed = np.array([p.low for p in self.parameters.parameters])
+        fixed = np.array([p.low for p in self.parameters.parameters], dtype=np.float64)
         out = np.tile(fixed, (len(x), 1))
         out[:, self.free] = self.values(x)
         return out

@@ -51,7 +51,9 @@ class Information:
         total = self.matrices + (np.eye(p) if prior else 0.0)
         values, vectors = np.linalg.eigh(total)
         with np.errstate(divide="ignore"):
-            inverse = np.where(values > 1e-14 * np.abs(values).max(axis=1, keepdims=True), 1.0 / values, np.inf)
+            least = 0.5 if prior else 1e-14 * np.abs(values).max(axis=1, keepdims=True)
+            # With the prior's information no eigenvalue is below one but by rounding.
+            inverse = np.where(values > least, 1.0 / values, 1.0 if prior else np.inf)
         if np.isfinite(inverse).all():
             return np.asarray((vectors * inverse[:, None]) @ vectors.swapaxes(1, 2))
         # Infinite along an unseen direction: of each parameter that has a part in it.
@@ -119,6 +121,8 @@ def fisher(
     coordinates, chosen = Coordinates.of(background.parameters), observed_steps(background, steps)
     x = coordinates.of_points(points)
     k, p = x.shape
+    if (np.abs(x) > 1.0 + 1e-9).any():
+        raise ShapeError("points: some lie outside the ranges of the parameters; expected them inside")
     # Differences to one side at the end of a range: nothing is asked of the map outside it.
     ahead = np.clip(x[None] + _STEP * np.eye(p)[:, None], -1.0, 1.0)
     behind = np.clip(x[None] - _STEP * np.eye(p)[:, None], -1.0, 1.0)

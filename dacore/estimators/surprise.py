@@ -68,9 +68,10 @@ def of_steps(squares: Array, held_out: Array, count: Array, scale: Array, unlear
 
     Returns
     -------
-    Misfit, or None where the fit leaves nothing over
+    Misfit, NaN for a series whose fit leaves nothing over; or None where none does
     """
-    if not (count.sum(axis=0) > 0).all():
+    some = count.sum(axis=0) > 0
+    if not some.any():
         return None
     missed = held_out.mean(axis=1)
     free, floor = np.maximum(count, 1.0), max(unlearned, 1e-300)
@@ -79,4 +80,5 @@ def of_steps(squares: Array, held_out: Array, count: Array, scale: Array, unlear
     mean = (weight * (count * scale**2 + missed)).sum(axis=0) + beyond
     noise = (weight**2 * (2.0 * count * scale**4 + 4.0 * scale**2 * missed)).sum(axis=0)
     spread = np.einsum("tk,tjk->jk", weight, held_out).var(axis=0)
-    return matched((weight * squares).sum(axis=0), mean, noise + spread + 2.0 * beyond**2)
+    found = matched((weight * squares).sum(axis=0), mean, noise + spread + 2.0 * beyond**2)
+    return Misfit(np.where(some, found.statistic, np.nan), np.where(some, found.freedom, np.nan))

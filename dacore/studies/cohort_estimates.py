@@ -313,10 +313,11 @@ def _joined(rows: Sequence[CohortOutcome]) -> CohortOutcome:
         {label: np.concatenate([getattr(row, what)[label] for row in rows]) for label in getattr(first, what)}
         for what in ("errors", "guess_errors")
     )
-    misfits = [row.misfit for row in rows if row.misfit is not None]
     misfit = None
-    if misfits:
-        misfit = Misfit(*(np.concatenate([getattr(one, f.name) for one in misfits]) for f in fields(Misfit)))
+    if any(row.misfit is not None for row in rows):
+        none = [np.full(len(row.sigmas), np.nan) for row in rows]
+        every = [row.misfit or Misfit(empty, empty) for row, empty in zip(rows, none, strict=True)]
+        misfit = Misfit(*(np.concatenate([getattr(one, f.name) for one in every]) for f in fields(Misfit)))
     learned = [row.parameters for row in rows if row.parameters is not None]
     parameters = None
     if learned:

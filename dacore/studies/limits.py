@@ -175,7 +175,7 @@ def limits(
 
 
 def _vectors(prepared: PreparedPosterior, estimate: Estimate) -> Array:
-    fixed = np.array([p.low for p in prepared.background.parameters.parameters])
+    fixed = np.array([p.low for p in prepared.background.parameters.parameters], dtype=np.float64)
     out = np.tile(fixed, (estimate.n_series, 1))
     if estimate.parameters is not None:
         out[:, prepared.coordinates.free] = estimate.parameters.values.T

@@ -166,6 +166,12 @@ class Builder:
             self.solver,
             self.studies,
         )
+        for name, estimator in self.estimators.items():
+            if estimator.needs_forward and self.scene.training.method != "reduced":
+                raise SceneError(
+                    f"{self.where}: estimator.{name}: {self.scene.estimator[name].kind} needs the map from parameters "
+                    "to trajectories that reduced training leaves; set training.method = 'reduced'"
+                )
 
     def model(self, mesh: Mesh | None) -> ForwardModel:
         """Build the forward model on a mesh, or without one; an affine model is marched as ``[time]`` says."""

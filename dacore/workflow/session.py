@@ -119,10 +119,16 @@ class Session:
 
     def judged(self, estimator: str) -> Judged:
         """Return what was found of an estimator on the unseen cases, with its stability and its spaces."""
+        self._known(estimator)
         made: Judged = self.runner[f"judged.{estimator}"]
         return made
 
     def prepared(self, estimator: str) -> PreparedEstimator:
         """Return an estimator of the scene, prepared for noise of unit standard deviation."""
+        self._known(estimator)
         made: PreparedEstimator = self.runner[f"prepared.{estimator}"]
         return made
+
+    def _known(self, estimator: str) -> None:
+        if estimator not in self.scene.estimator:
+            raise SceneError(f"estimator {estimator!r}: this scene has {', '.join(self.scene.estimator)}")

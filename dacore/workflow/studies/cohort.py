@@ -23,8 +23,8 @@ from dacore.workflow.canvas import Canvas
 from dacore.workflow.drawn import Drawn, Plot, tag
 from dacore.workflow.report_parts import Cell, Table
 from dacore.workflow.studies.bench import Bench
+from dacore.workflow.studies.named import chosen_estimators
 from dacore.workflow.studies.study import Exhibit, Findings, Score, Study
-from dacore.workflow.studies.variants import chosen_estimators
 from dacore.workflow.tables import name_of, noise_name, number_text, percent, quantity_title
 
 SHOWN = 0.9
@@ -105,7 +105,14 @@ class CohortStudy(Study):
             session.builder.observed(len(session.background.times)),
             workers=bench.workers, scheduler=bench.scheduler, progress=bench.progress,
         )  # fmt: skip
-        return self._findings(cohort, chosen, levels)
+        found = self._findings(cohort, chosen, levels)
+        truth, second = found.arrays["truth"], found.arrays["group"] == 1
+        if second.any() and truth[second].mean() < truth[~second].mean():
+            raise ShapeError(
+                f"groups: {self.quantity} is larger in {self.groups[0].name!r} than in {self.groups[1].name!r}; give "
+                "the group of smaller numbers first"
+            )
+        return found
 
     def _findings(self, cohort: Cohort, chosen: tuple[str, ...], levels: tuple[float, ...]) -> Findings:
         table = [[cohort.outcome(name, level) for level in levels] for name in chosen]

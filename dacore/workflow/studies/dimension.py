@@ -18,6 +18,7 @@ from dacore.workflow.drawn import Drawn, Plot, error_name
 from dacore.workflow.report_parts import Cell, Table
 from dacore.workflow.studies.bench import Bench
 from dacore.workflow.studies.judged import Judging
+from dacore.workflow.studies.named import expect_kind
 from dacore.workflow.studies.study import Exhibit, Findings, Study
 from dacore.workflow.tables import name_of, noise_name, number_text, percent, quantity_title
 
@@ -46,6 +47,7 @@ class Dimension(Study):
 
     def needs(self, scene: Scene) -> tuple[str, ...]:
         """Data, background and truth."""
+        expect_kind(scene, self.estimator, "pbdw")
         return ("validation", "background", "functionals", "noisy", "measured", "truth")
 
     def run(self, bench: Bench) -> Findings:

@@ -13,10 +13,11 @@ from dacore.figures.learned import learned
 from dacore.io.scene import Scene
 from dacore.studies.limits import Chain, Limits, limits
 from dacore.workflow.canvas import Canvas
-from dacore.workflow.drawn import Drawn, Plot
+from dacore.workflow.drawn import Drawn, Plot, unit_text
 from dacore.workflow.report_parts import Cell, Table
 from dacore.workflow.studies.bench import Bench
 from dacore.workflow.studies.judged import Judging
+from dacore.workflow.studies.named import expect_kind
 from dacore.workflow.studies.study import Exhibit, Findings, Study
 from dacore.workflow.tables import name_of, noise_name, number_text, percent, quantity_title
 
@@ -49,8 +50,7 @@ class LimitStudy(Study):
 
     def needs(self, scene: Scene) -> tuple[str, ...]:
         """Data with noise, the prepared posterior, and what the estimators made of the data."""
-        if self.estimator not in scene.estimator:
-            raise ShapeError(f"estimator: got {self.estimator!r}, expected one of {', '.join(scene.estimator)}")
+        expect_kind(scene, self.estimator, "posterior")
         if not any(level > 0 for level in scene.noise.levels):
             raise ShapeError("noise: the scene has no noise, and exact data no limit; give noise.levels a positive one")
         return ("validation", "noisy", "measured", "truth", f"prepared.{self.estimator}")
@@ -110,7 +110,8 @@ class LimitStudy(Study):
             "The mean of the posterior has the least mean-square error of all estimates that know the model, the prior "
             f"and the noise. It is sampled by emcee ({self.walkers} walkers, {self.steps} steps, seed {self.seed}, "
             f"{self.density} forward model) for every unseen case; errors stand beside its errors on the same data. "
-            "Bounds are local: Fisher information at the true parameters, with the prior's added."
+            "Local deviations are those of a linearised problem: Fisher information at the true parameters with the "
+            "prior's added, which the nonlinear posterior may undercut."
         )
         parts: list[Table | Drawn] = [self._ratios(found, canvas, k) for k in range(len(found.facts["levels"]))]
         parts.append(self._parameters(found, canvas))
@@ -135,7 +136,7 @@ class LimitStudy(Study):
         if len(facts["quantities"]):
             local = [float(np.sqrt((row**2).mean())) for row in a["bounds"][k]]
             told = ["–"] * len(facts["errors"]) + [number_text(value) for value in local]
-            rows.append(["local bound (Fisher and prior)", *told])
+            rows.append(["local deviation (Fisher and prior)", *told])
         for e, name in enumerate(facts["estimators"]):
             values = [
                 float(np.sqrt((row**2).mean()))
@@ -158,7 +159,7 @@ class LimitStudy(Study):
         parameters = canvas.session.background.parameters
         rows: list[list[str | Cell]] = []
         for j, name in enumerate(facts["parameters"]):
-            row: list[str | Cell] = [f"{name} [{parameters[name].unit}]", number_text(float(a["prior"][j]))]
+            row: list[str | Cell] = [_with_unit(name, parameters[name].unit), number_text(float(a["prior"][j]))]
             for k in range(len(facts["levels"])):
                 share = float(np.median(a["learned"][k, j]))
                 row.append(number_text(float(np.median(a["local"][k, j]))))
@@ -168,6 +169,10 @@ class LimitStudy(Study):
         for level in facts["levels"]:
             headers += [f"local deviation, {noise_name(level)}", f"variance learned, {noise_name(level)}"]
         return Table(headers, rows, "what the data say of the parameters, median case", "Red: not seen.")
+
+
+def _with_unit(name: str, unit: str) -> str:
+    return name if unit in ("", "1") else f"{name} [{unit_text(unit)}]"
 
 
 def _first(values: Array) -> Array:

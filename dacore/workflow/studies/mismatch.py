@@ -23,8 +23,8 @@ from dacore.workflow.session import Session
 from dacore.workflow.studies.bench import Bench
 from dacore.workflow.studies.drawing import draw_mismatch
 from dacore.workflow.studies.grid import Grid
+from dacore.workflow.studies.named import chosen_estimators
 from dacore.workflow.studies.study import Exhibit, Findings, Study, Variant
-from dacore.workflow.studies.variants import chosen_estimators
 from dacore.workflow.tables import noise_name
 
 _NEEDS = ("truth", "measured", "functionals")
@@ -71,6 +71,13 @@ class Mismatch(Study):
         labels = [each.label for each in self.truths]
         if not labels or len(set(labels)) < len(labels):
             raise ShapeError(f"truths: got the labels {', '.join(labels)}; expected at least one and each once")
+        for each in self.truths:
+            for key in each.set:
+                if key in ("time.step", "time.steps"):
+                    raise ShapeError(
+                        f"truths: {each.label!r} records other times than the scene, by {key}; change time.substeps or "
+                        "the scheme"
+                    )
 
     def needs(self, scene: Scene) -> tuple[str, ...]:
         """Prepared estimators, and their errors on truths of their own model."""

@@ -63,20 +63,25 @@ def show_studies(canvas: Canvas) -> list[Shown]:
 
 def score_tables(builder: Builder, units: Mapping[str, str], shown: Sequence[Shown], headline: str) -> list[Table]:
     """All studies side by side: the headline error and every quantity, settings down, estimators across."""
-    scores = [score for each in shown for score in each.exhibit.scores]
-    labels = [label for label in (headline, *units) if any(score.label == label for score in scores)]
-    return [_score_table(builder, units, [s for s in scores if s.label == label], label) for label in labels]
+    scores = [(each, score) for each in shown for score in each.exhibit.scores]
+    labels = [label for label in (headline, *units) if any(score.label == label for _, score in scores)]
+    return [_score_table(builder, units, [s for s in scores if s[1].label == label], label) for label in labels]
 
 
-def _score_table(builder: Builder, units: Mapping[str, str], scores: Sequence[Score], label: str) -> Table:
-    cells = {(score.setting, score.estimator): score.value for score in scores}
-    columns = [PRIOR, *(name for name in builder.scene.estimator if any(s.estimator == name for s in scores))]
+def _score_table(
+    builder: Builder, units: Mapping[str, str], scores: Sequence[tuple[Shown, Score]], label: str
+) -> Table:
+    cells = {(study.name, score.setting, score.estimator): score.value for study, score in scores}
+    columns = [PRIOR, *(name for name in builder.scene.estimator if any(s.estimator == name for _, s in scores))]
+    titles = {study.name: study.title for study, _ in scores}
     rows: list[list[str | Cell]] = []
-    for setting in dict.fromkeys(score.setting for score in scores):
-        values = [cells.get((setting, name), float("nan")) for name in columns]
+    before = ""
+    for study, setting in dict.fromkeys((study.name, score.setting) for study, score in scores):
+        values = [cells.get((study, setting, name), float("nan")) for name in columns]
         known = [k for k in range(1, len(values)) if values[k] == values[k]]
         best = min(known, key=values.__getitem__) if known else 0
-        row: list[str | Cell] = [setting]
+        row: list[str | Cell] = [titles[study] if study != before else "", setting]
+        before = study
         for k, value in enumerate(values):
             if value != value:
                 row.append(Cell("–", "muted"))
@@ -85,7 +90,7 @@ def _score_table(builder: Builder, units: Mapping[str, str], scores: Sequence[Sc
                 row.append(Cell(text, tone_of(k, best, value, values[0] if values[0] == values[0] else value)))
         rows.append(row)
     what = f"{quantity_title(builder, label)}, rms [{units[label]}]" if label in units else f"error of {label}, mean"
-    headers = ["setting", *(name_of(builder, name) for name in columns)]
+    headers = ["study", "setting", *(name_of(builder, name) for name in columns)]
     return Table(headers, rows, what, "Green: the best of its row; red: worse than guessing the training mean.")
 
 

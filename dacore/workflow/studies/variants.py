@@ -1,6 +1,6 @@
 """The same truths estimated from other data or with other settings: how much, how fine, how many phases."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,7 +10,11 @@ from dacore.workflow.canvas import Canvas
 from dacore.workflow.studies.bench import Bench
 from dacore.workflow.studies.drawing import draw_amounts
 from dacore.workflow.studies.grid import Grid
+from dacore.workflow.studies.named import chosen_estimators
 from dacore.workflow.studies.study import Exhibit, Findings, Study, Variant
+
+# What every row of a table has in common.
+_FIXED = ("noise", "validation", "quantity", "study", "report")
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,13 @@ class Variants(Study):
 
     def __post_init__(self) -> None:
         labels = [*([self.base] if self.base else []), *(each.label for each in self.settings)]
+        for each in self.settings:
+            for key in each.set:
+                if key.partition(".")[0] in _FIXED:
+                    raise ShapeError(
+                        f"settings: {each.label!r} sets {key}, and could not be compared with others; change it for "
+                        "the whole scene"
+                    )
         if not self.settings or len(set(labels)) < len(labels):
             raise ShapeError(f"settings: got the labels {', '.join(labels)}; expected at least one and each once")
 
@@ -86,11 +97,3 @@ class Variants(Study):
         )
         drawn = draw_amounts(grid, counts, canvas)
         return Exhibit(self.about, [*drawn, *named.tables(canvas)], grid.scores())
-
-
-def chosen_estimators(scene: Scene, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the estimators of a study, all of the scene for none; ShapeError names one that it does not have."""
-    for name in names:
-        if name not in scene.estimator:
-            raise ShapeError(f"estimators: got {name!r}, expected some of {', '.join(scene.estimator)}")
-    return tuple(names) or tuple(scene.estimator)

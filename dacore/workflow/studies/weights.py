@@ -21,6 +21,7 @@ from dacore.workflow.report_parts import Cell, Table
 from dacore.workflow.session import Session
 from dacore.workflow.studies.bench import Bench
 from dacore.workflow.studies.judged import Judging
+from dacore.workflow.studies.named import expect_kind
 from dacore.workflow.studies.study import Exhibit, Findings, Study, Variant
 from dacore.workflow.tables import name_of, noise_name, number_text, percent, quantity_title
 
@@ -66,6 +67,7 @@ class Weights(Study):
 
     def needs(self, scene: Scene) -> tuple[str, ...]:
         """Data, background and truth."""
+        expect_kind(scene, self.estimator, "pbdw")
         return ("validation", "background", "functionals", "noisy", "measured", "truth")
 
     def variants(self, scene: Scene) -> Mapping[str, Variant]:
