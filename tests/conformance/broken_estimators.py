@@ -328,7 +328,7 @@ class PreparedNoiseIgnored(NoiseOfOneCentimetre):
     pass
 
 
-@caught_by("exact_data_help", "of what guessing is")
+@caught_by("exact_data_help", "is 1 of that of guessing the training mean, expected below 0.8")
 class Guesses(Sound):
     def change(self, prepared, data, scale, mask):
         found = prepared.inner.estimate(data, scale, mask)

@@ -13,7 +13,10 @@ from dacore.plugins import spec
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs/plugins.md").read_text(encoding="utf-8")
 PYTHON = re.findall(r"^```py(?:thon)?\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
-FILES = dict(zip(("__init__.py", "gauge.py", "test_gauge.py", "solver.py", "test_solver.py"), PYTHON, strict=False))
+NAMES = (
+    "__init__.py", "gauge.py", "test_gauge.py", "solver.py", "test_solver.py", "nearest.py", "test_nearest.py",
+)  # fmt: skip
+FILES = dict(zip(NAMES, PYTHON, strict=False))
 
 
 @pytest.fixture(scope="module")
@@ -41,14 +44,15 @@ def test_the_declarations_name_classes_that_are_there_and_the_door_takes_them(pa
         package,
         "import dacore_gauge, importlib\n"
         "assert 'scipy.sparse' not in sys.modules\n"
-        "for spec in dacore_gauge.dacore_observations() + dacore_gauge.dacore_solvers():\n"
+        "hooks = (dacore_gauge.dacore_observations, dacore_gauge.dacore_solvers, dacore_gauge.dacore_estimators)\n"
+        "for spec in (spec for hook in hooks for spec in hook()):\n"
         "    module, name = spec.target.split(':')\n"
         "    print(getattr(importlib.import_module(module), name).__name__)\n",
     )
-    assert done.stdout.split() == ["StrainGauge", "MinimalResiduals"], done.stderr
+    assert done.stdout.split() == ["StrainGauge", "MinimalResiduals", "Nearest"], done.stderr
 
 
-@pytest.mark.parametrize(("name", "least"), [("test_gauge.py", 14), ("test_solver.py", 15)])
+@pytest.mark.parametrize(("name", "least"), [("test_gauge.py", 14), ("test_solver.py", 15), ("test_nearest.py", 24)])
 def test_the_tests_of_the_page_pass(package, name, least):
     done = run(package, f"import pytest; sys.exit(pytest.main(['-q', '-p', 'no:cacheprovider', 'tests/{name}']))")
     assert done.returncode == 0, done.stdout + done.stderr
