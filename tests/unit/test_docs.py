@@ -268,6 +268,21 @@ def test_the_example_of_the_readme_runs_and_does_what_it_says(clone):
     assert (clone / "runs/ball/cache").is_dir()
 
 
+def test_the_example_of_the_posterior_does_what_its_page_says(clone):
+    (block,) = blocks((ROOT / "docs/posterior.md").read_text(encoding="utf-8"), "python")
+    careless = "\ncareless = estimator.estimate(data[:, :, None])\nprint('ratio', careless.misfit.ratio[0])\n"
+    careless += "print('learned', abs(careless.parameters.learned).max())\n"
+    careless += "print('true', pressure.functionals(scene.model.space)(truth.states).mean())\n"
+    out = run_block(block + careless, clone)
+    low, high = map(float, re.search(r"interval (\S+) to (\S+)", out).groups())
+    assert low < float(re.search(r"true (\S+)", out)[1]) < high
+    learned = {name: int(share) for name, share in re.findall(r"^(\w+) \[.*, (-?\d+)% of", out, re.MULTILINE)}
+    assert learned["E"] > 90 > 10 > learned["kappa"]
+    assert re.findall("alarm: (.*)", out) == ["False", "True"]
+    assert float(re.search(r"ratio (\S+)", out)[1]) == pytest.approx(0.0009, rel=0.1)
+    assert float(re.search(r"learned (\S+)\n", out)[1]) < 0.05
+
+
 @pytest.mark.parametrize("page", [page for page in PAGES if page.parent.name == "docs"], ids=lambda page: page.name)
 def test_every_python_example_of_the_docs_runs(page, clone):
     for block in blocks(page.read_text(encoding="utf-8"), "python"):
