@@ -100,7 +100,8 @@ def test_the_table_of_weights_names_the_rules_choice(session):
     tables = [part for part in study.show(findings, Canvas(session)).parts if hasattr(part, "rows")]
     assert len(tables) == 4
     claimed = findings.arrays["claimed"][0, :, 1, 0]
-    for row, value in zip(tables[1].rows, claimed, strict=True):
+    assert tables[1].rows[0][0].text == "guessing the training mean"
+    for row, value in zip(tables[1].rows[1:], claimed, strict=True):
         assert row[0].endswith("(rule)") == (value == claimed.min())
 
 
@@ -129,11 +130,11 @@ def test_the_best_n_of_the_table_has_the_least_error_of_the_hidden_field(session
     findings = found(session, "dimension")
     (table,) = [part for part in session.builder.studies["dimension"].show(findings, Canvas(session)).parts
                 if hasattr(part, "rows")]  # fmt: skip
-    rules = 1 + len(findings.facts["rules"])
+    rules, rows = 1 + len(findings.facts["rules"]), table.rows[1:]
     for k in range(2):
         best = int(np.argmin(findings.arrays["errors"][k, :, 2]))
-        assert table.rows[k * rules][1:3] == ["best n", f"{findings.arrays['n'][best]:.3g}"]
-        assert all(float(row[6].text) >= 0.99 for row in table.rows[k * rules : (k + 1) * rules])
+        assert rows[k * rules][1:3] == ["best n", f"{findings.arrays['n'][best]:.3g}"]
+        assert all(float(row[6]) >= 0.99 for row in rows[k * rules : (k + 1) * rules])
 
 
 @pytest.fixture(scope="module")

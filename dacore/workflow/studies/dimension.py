@@ -13,6 +13,7 @@ from dacore.estimators.pbdw import PBDW, Rule
 from dacore.estimators.prepared_pbdw import PreparedPBDW
 from dacore.figures.dimension import DimensionPanel, dimension
 from dacore.io.scene import Scene
+from dacore.studies.validation import PRIOR
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.drawn import Drawn, Plot, error_name
 from dacore.workflow.report_parts import Cell, Table
@@ -123,29 +124,38 @@ class Dimension(Study):
     def _table(self, found: Findings, canvas: Canvas) -> Table:
         a, facts = found.arrays, found.facts
         hidden = len(facts["errors"]) - 1
-        rows: list[list[str | Cell]] = []
+        prior = canvas.session.validation.outcome(PRIOR, 0.0)
+        guess = np.array([float(prior.space_time[label].mean()) for label in facts["errors"]])
+        spread = [prior.quantities[q].rms for q in facts["quantities"]]
+        muted = [Cell(percent(float(value)), "muted") for value in guess]
+        rows: list[list[str | Cell]] = [
+            ["", Cell("guessing the training mean", "muted"), "–", *muted, "–",
+             *(Cell(number_text(value), "muted") for value in spread)]
+        ]  # fmt: skip
         for k, level in enumerate(facts["levels"]):
             best = int(np.argmin(a["errors"][k, :, hidden]))
             least, n = a["errors"][k, best], float(a["n"][best])
-            rows.append(self._row(noise_name(level), "best n", n, least, a["rms"][k, best], least))
+            rows.append(self._row(noise_name(level), "best n", n, least, a["rms"][k, best], least, guess))
             for r, rule in enumerate(facts["rules"]):
                 values = a["rule_errors"][k, r]
-                rows.append(self._row("", _TITLES[rule], a["rule_n"][k, r], values, a["rule_rms"][k, r], least))
+                rows.append(self._row("", _TITLES[rule], a["rule_n"][k, r], values, a["rule_rms"][k, r], least, guess))
         quantities = [
             f"{quantity_title(canvas.session.builder, q)}, rms [{canvas.quantity_unit(q)}]" for q in facts["quantities"]
         ]
+        note = f"Of the best: error of {facts['errors'][hidden]} over that of the best n. Red: worse than guessing."
         return Table(
             ["noise", "rule", "n", *(f"e of {label}" for label in facts["errors"]), "of the best", *quantities],
-            rows, "errors by rule for n", f"Of the best: error of {facts['errors'][hidden]} over that of the best n.",
+            rows, "errors by rule for n", note,
         )  # fmt: skip
 
     def _row(
-        self, noise: str, rule: str, n: float, errors: Array, rms: Array, least: Array
+        self, noise: str, rule: str, n: float, errors: Array, rms: Array, least: Array, guess: Array
     ) -> list[str | Cell]:  # fmt: skip
         ratio = float(errors[-1] / least[-1])
         return [
-            noise, rule, f"{n:.3g}", *(percent(float(value)) for value in errors),
-            Cell(f"{ratio:.2f}", "" if rule == "best n" else "best" if ratio <= 1.2 else "bad" if ratio > 2 else ""),
+            noise, rule, f"{n:.3g}",
+            *(Cell(percent(float(e)), "bad" if e > g else "") for e, g in zip(errors, guess, strict=True)),
+            f"{ratio:.2f}",
             *(number_text(float(value)) for value in rms),
         ]  # fmt: skip
 

@@ -101,7 +101,7 @@ class Mismatch(Study):
             bench.tell(done + 1, len(self.truths))
         largest = float(np.abs(base.validation.clean).max())
         grid = Grid.of(found, chosen, scene.noise.levels)
-        return grid.findings(missing=missing, lost=lost, largest=largest)
+        return grid.findings(missing=missing, lost=lost, largest=largest, lost_of=base.model.space.fields[-1].name)
 
     def show(self, found: Findings, canvas: Canvas) -> Exhibit:
         """Tables of errors and alarms, and curves of errors against the size of what is wrong."""
@@ -117,8 +117,9 @@ class Mismatch(Study):
             for name, count in zip(grid.settings, found.facts["missing"], strict=True)
             if count
         ]
+        field = found.facts["lost_of"]
         others += [
-            f"{name}: {100 * share:.2g}% of the truth's last field is what no state on the estimators' mesh has"
+            f"{name}: {100 * share:.2g}% of the true {field} is what no state on the estimators' mesh has"
             for name, share in zip(grid.settings, found.facts["lost"], strict=True)
             if share
         ]

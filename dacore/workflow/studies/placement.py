@@ -135,7 +135,8 @@ class PlacementStudy(Study):
             f"Slices normal to {self.axis} are taken one by one, each time the one that helps most, out of "
             f"{len(a['positions'])}: so that the least is left of the deviation of {title} at {noise_name(self.noise)} "
             f"(1: as before any data), or so that β_{self.n} of PBDW is largest. Beside them {self.random} random "
-            f"orders (seed {self.seed}) and, where there are few enough, the best of all choices."
+            f"orders (seed {self.seed}) and, where there are few enough, the best of all choices. For estimates of "
+            "state and parameters follow the Fisher information, for minimum variance the training set, for PBDW β."
         )
         panels = []
         rows: list[list[str | Cell]] = []

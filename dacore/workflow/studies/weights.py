@@ -23,7 +23,7 @@ from dacore.workflow.studies.bench import Bench
 from dacore.workflow.studies.judged import Judging
 from dacore.workflow.studies.named import expect_kind
 from dacore.workflow.studies.study import Exhibit, Findings, Study, Variant
-from dacore.workflow.tables import name_of, noise_name, number_text, percent, quantity_title
+from dacore.workflow.tables import name_of, noise_name, number_text, percent, quantity_title, tone_of
 
 Kind = Literal["l2", "h1"]
 
@@ -137,22 +137,30 @@ class Weights(Study):
 
     def _table(self, found: Findings, canvas: Canvas, k: int, j: int, caption: str) -> Table:
         facts, arrays = found.facts, found.arrays
-        headers = ["ζ", "n", "β_n", *(f"e of {each}" for each in facts["errors"])]
-        headers += [f"{quantity_title(canvas.session.builder, q)}, rms" for q in facts["quantities"]]
-        headers += ["claimed deviation"] if facts["quantities"] else []
+        headers = ["ζ", "n (exact data)", "β_n", *(f"e of {each}" for each in facts["errors"])]
+        units = [canvas.quantity_unit(q) for q in facts["quantities"]]
+        titles = [quantity_title(canvas.session.builder, q) for q in facts["quantities"]]
+        headers += [f"{title}, rms [{unit}]" for title, unit in zip(titles, units, strict=True)]
+        headers += [f"claimed deviation [{units[0]}]"] if facts["quantities"] else []
+        prior = canvas.session.validation.outcome(PRIOR, 0.0)
+        guess = [float(prior.space_time[label].mean()) for label in facts["errors"]]
+        guess += [prior.quantities[q].rms for q in facts["quantities"]]
         columns = [*arrays["errors"][k, :, j].T, *arrays["rms"][k, :, j].T]
         texts = [percent] * len(facts["errors"]) + [number_text] * len(facts["quantities"])
         claimed = arrays["claimed"][k, :, j, 0] if facts["quantities"] else np.full(self.count, np.nan)
         best = [int(np.argmin(np.nan_to_num(column, nan=np.inf))) for column in columns]
         picked = int(np.argmin(np.nan_to_num(claimed, nan=np.inf))) if np.isfinite(claimed).any() else -1
-        rows: list[list[str | Cell]] = []
+        known = [Cell(text(value), "muted") for text, value in zip(texts, guess, strict=True)]
+        last = [Cell("–", "muted")] * bool(facts["quantities"])
+        rows: list[list[str | Cell]] = [[Cell("guessing the training mean", "muted"), "–", "–", *known, *last]]
         for i, weight in enumerate(arrays["weights"]):
             row: list[str | Cell] = [f"{weight:.0e}" + (" (rule)" if i == picked else "")]
             row += [f"{arrays['n'][k, i, j]:.3g}", f"{arrays['inf_sup'][k, i, j]:.1e}"]
-            for column, least, text in zip(columns, best, texts, strict=True):
+            for column, least, text, known_value in zip(columns, best, texts, guess, strict=True):
                 value = float(column[i])
-                row.append(Cell("unstable" if np.isnan(value) else text(value), "best" if i == least else ""))
-            row += [f"{claimed[i]:.3g}"] if facts["quantities"] else []
+                tone = "" if np.isnan(value) else tone_of(i + 1, least + 1, value, known_value)
+                row.append(Cell("unstable" if np.isnan(value) else text(value), tone))
+            row += [number_text(float(claimed[i]))] if facts["quantities"] else []
             rows.append(row)
         return Table(headers, rows, caption)
 
