@@ -120,8 +120,8 @@ def test_every_study_has_a_section_with_its_figures(finished):
 
 def test_the_table_of_all_studies_has_every_setting(finished):
     _, done = finished
-    table = next(each for each in done.tables if each.headers[0] == "setting" and "mean" in each.caption)
-    settings = {row[0] if isinstance(row[0], str) else row[0].text for row in table.rows}
+    table = next(each for each in done.tables if each.headers[0] == "study" and "mean" in each.caption)
+    settings = {row[1] if isinstance(row[1], str) else row[1].text for row in table.rows}
     asked = ("this scene", "two phases", "moved neck", "the estimator's own model", "3 normal + 3 raised")
     expected = {f"{what}, {noise}" for what in asked for noise in ("no noise", "10% noise")}
     assert expected <= settings
@@ -197,7 +197,7 @@ def test_a_study_written_by_a_stranger_is_a_section_of_the_report(ring, tmp_path
     assert "What a stranger asked." in text
     assert re.search(r"<t[dh][^>]*>fewer</t[dh]>", text)
     # Its score is in the table of all studies.
-    assert any(each.headers[0] == "setting" and each.rows[0][0] == "all" for each in done.tables)
+    assert any(each.headers[:2] == ["study", "setting"] and each.rows[0][1] == "all" for each in done.tables)
 
 
 @pytest.mark.parametrize(
