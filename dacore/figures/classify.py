@@ -174,8 +174,8 @@ def _scatter(
             )  # fmt: skip
         axes.plot(
             truth[mine], shown[mine], marker(index), color=shade, markersize=5.0 if few else 2.6,
-            markerfacecolor=shade if index else "white", alpha=1.0 if few else 0.55,
-            markeredgewidth=0.9 if few else 0.6, zorder=2.5,
+            markerfacecolor=shade if index else "white", markeredgecolor="white" if index and few else shade,
+            markeredgewidth=0.6 if index else 0.9, alpha=1.0 if few else 0.55, zorder=2.5,
         )  # fmt: skip
         axes.plot(
             [], [], marker(index), color=INK, markerfacecolor=INK if index else "white", markersize=5.0,

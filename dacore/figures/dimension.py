@@ -124,7 +124,7 @@ def _errors(axes: Axes, panel: DimensionPanel, names: Sequence[str], rules: Sequ
     best = int(np.nanargmin(shown))
     axes.plot(
         n[best], shown[best], "*", markersize=14, color=colour(names.index(judged)), markeredgecolor="white", zorder=4,
-        linestyle="none", label=f"least error of {pretty(judged)}",
+        linestyle="none", label=f"least {pretty(judged)}",
     )  # fmt: skip
     for rule, chosen in panel.chosen.items():
         place = int(np.flatnonzero(n == chosen)[0])

@@ -97,14 +97,14 @@ def test_calibration_draws_shares_in_percent_and_histograms_of_density():
 
 def dimension_panel(label="exact", **options):
     n = np.arange(1, 11)
-    return DimensionPanel(label, n, {"u": 1.0 / n, "p": 0.1 * (n - 4.0) ** 2 + 0.5}, 1.0 / n**2, 1.0 / n, **options)
+    return DimensionPanel(label, n, {"e_u": 1.0 / n, "e_p": 0.1 * (n - 4.0) ** 2 + 0.5}, 1.0 / n**2, 1.0 / n, **options)
 
 
 def test_dimension_marks_the_least_error_of_the_last_and_each_rules_choice():
     figure = dimension([dimension_panel(chosen={"bound": 7, "held out": 4}), dimension_panel("10 % noise")])
     above, _, below, _ = drawn(figure)
     lines = {each.get_label(): each for each in above.lines}
-    assert lines["least error of p"].get_xydata().tolist() == [[4.0, 50.0]]
+    assert lines["least e$_{\\mathrm{p}}$"].get_xydata().tolist() == [[4.0, 50.0]]
     np.testing.assert_allclose(lines["bound"].get_xydata(), [[7.0, 140.0]])
     np.testing.assert_allclose(lines["held out"].get_xydata(), [[4.0, 50.0]])
     bound = next(each for each in below.lines if each.get_label() == "bound")
