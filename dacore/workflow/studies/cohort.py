@@ -166,13 +166,13 @@ class CohortStudy(Study):
         for k, level in enumerate(found.facts["levels"]):
             panels, curves = [], []
             for e, name in enumerate(found.facts["estimators"]):
-                label = name_of(canvas.session.builder, name)
+                label, series = name_of(canvas.session.builder, name), list(canvas.session.scene.estimator).index(name)
                 low, high = (self._quantile(found, e, k, tail) for tail in (0.5 - SHOWN / 2, 0.5 + SHOWN / 2))
                 ends = (low, high) if low is not None and high is not None else (None, None)
-                panels.append(ClassPanel(label, a["truth"], a["estimate"][e, k], raised, limit, *ends))
+                panels.append(ClassPanel(label, a["truth"], a["estimate"][e, k], raised, limit, *ends, series=series))
                 curve = self.classification(found, e, k).curve
                 curves.append(
-                    OperatingLine(label, curve.false_positive, curve.true_positive, curve.area, curve.interval)
+                    OperatingLine(label, curve.false_positive, curve.true_positive, curve.area, curve.interval, series)
                 )
             caption = f"{canvas.caption} · {noise_name(level)}"
             out.append(
