@@ -169,7 +169,9 @@ class CohortStudy(Study):
                 label, series = name_of(canvas.session.builder, name), list(canvas.session.scene.estimator).index(name)
                 low, high = (self._quantile(found, e, k, tail) for tail in (0.5 - SHOWN / 2, 0.5 + SHOWN / 2))
                 ends = (low, high) if low is not None and high is not None else (None, None)
-                panels.append(ClassPanel(label, a["truth"], a["estimate"][e, k], raised, limit, *ends, series=series))
+                panels.append(
+                    ClassPanel(label, a["truth"], a["estimate"][e, k], raised, limit, ends[0], ends[1], series)
+                )
                 curve = self.classification(found, e, k).curve
                 curves.append(
                     OperatingLine(label, curve.false_positive, curve.true_positive, curve.area, curve.interval, series)
