@@ -12,7 +12,7 @@ import numpy as np
 from dacore.core.arrays import Array, IntArray
 
 # Steps shorter than this, in coordinates whose range has length 2, end the search.
-_SHORT = 1e-9
+_SHORT = 1e-11
 _MOST_STEPS = 60
 # Starts of one series lie at least so far apart, so that distinct basins are tried.
 _APART = 0.35

@@ -9,7 +9,7 @@ from dacore import open_scene
 from dacore.workflow.run import plan_scene, run_scene
 
 BRAIN = Path(__file__).resolve().parents[2] / "examples" / "brain"
-SMALL = ["training.samples=6", "time.steps=5", "validation.cases=2", "validation.refine_time=0"]
+SMALL = ["training.samples=8", "time.steps=5", "validation.cases=2", "validation.refine_time=0"]
 
 
 @pytest.mark.parametrize("path", sorted(BRAIN.glob("*.toml")), ids=lambda path: path.stem)

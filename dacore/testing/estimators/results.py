@@ -161,7 +161,10 @@ def units_do_not_matter(bench: Bench) -> None:
 
 
 def some_steps_observed(bench: Bench) -> None:
-    """With some of the steps observed, data have these steps, and the estimate has them or all of the background's."""
+    """With some of the steps observed, data have these steps, and the estimate has them or all of the background's.
+
+    With exact data the measured field is nearer at the observed steps than the training mean is.
+    """
     steps = np.array([0, 3])
     prepared = bench.prepare(bench.background, bench.functionals, bench.noise(), steps)
     estimate = prepared.estimate(bench.data[:, steps])
@@ -169,6 +172,17 @@ def some_steps_observed(bench: Bench) -> None:
     require(good, f"{bench.name}: observes {steps}, and its steps are {estimate.steps}")
     shape, count = estimate.state().shape, len(estimate.steps)
     require(shape[1] == count, f"{bench.name}: {count} steps are estimated, and states have shape {shape}")
+    functionals: Functionals = bench.functionals
+    exact = prepared.estimate(functionals(bench.truth)[:, steps], 0.0)
+    found = exact.state()[:, np.searchsorted(exact.steps, steps)]
+    guess = bench.background.lift(bench.background.mean())[:, steps, None]
+    block, truth = bench.space.layout.block("u"), bench.truth[:, steps]
+    ours, mean = (float(np.linalg.norm((x - truth)[block])) for x in (found, guess))
+    require(
+        ours < mean,
+        f"{bench.name}: with exact data of the steps {steps} the measured field is off there by {ours / mean:.2g} "
+        "of what guessing the training mean is, expected below 1; are they taken for these steps?",
+    )
 
 
 def exact_data_help(bench: Bench) -> None:
