@@ -6,7 +6,7 @@ import numpy as np
 
 from dacore.errors import ShapeError
 from dacore.plugins import PluginSpec, hookimpl
-from dacore.studies.validation import PRIOR
+from dacore.studies.outcomes import PRIOR
 from dacore.workflow.report_parts import Table
 from dacore.workflow.studies.study import Exhibit, Findings, Score, Study, Variant
 from dacore.workflow.tables import number_text

@@ -16,7 +16,7 @@ from dacore.core.arrays import Array, Sparse
 from dacore.core.parameters import ParameterSpace
 from dacore.core.reduced import ReducedSpace
 from dacore.core.space import Product, StateSpace
-from dacore.errors import ShapeError
+from dacore.errors import CapabilityError, ShapeError
 
 
 class ParametricMap(ABC):
@@ -124,6 +124,12 @@ class Background:
         """Return the background of trajectories less their mean over the steps, for some fields."""
         forward = None if self.forward is None else _LessMean(self, self.forward, tuple(fields))
         return replace(self, coefficients=self.without_mean(self.coefficients, fields), forward=forward)
+
+    def parametric(self, message: str) -> ParametricMap:
+        """Return the map from parameters to trajectories; CapabilityError with a message if training left none."""
+        if self.forward is None:
+            raise CapabilityError(f"{message}; train with training.method = 'reduced'")
+        return self.forward
 
     def observe(self, matrix: Sparse) -> Array:
         """Functionals (m, n_dofs) applied to every mode: (m, r)."""

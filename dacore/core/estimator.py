@@ -13,6 +13,7 @@ from dacore.core.fields import Layout
 from dacore.core.misfit import Misfit
 from dacore.core.noise import NoiseModel
 from dacore.core.observation import Functionals
+from dacore.core.parameters import ParameterEstimate as ParameterEstimate
 from dacore.core.quantity import QuantityOfInterest
 from dacore.core.uncertainty import Uncertainty as Uncertainty
 from dacore.errors import CapabilityError, ShapeError
@@ -31,36 +32,6 @@ class Riesz(ABC):
     @abstractmethod
     def pair(self, functionals: Functionals) -> Array:
         """Q M⁻¹ ℓᵀ as an (s, m) array; zero where q and ℓ see no common field."""
-
-
-@dataclass(frozen=True, eq=False)
-class ParameterEstimate:
-    """What was found of a model's parameters, beside the state.
-
-    Parameters
-    ----------
-    names : tuple of str
-        The parameters that vary, p of them.
-    values : (p, k) array
-    covariance : (k, p, p) array
-    prior : (p,) array
-        Standard deviation of each before anything was measured.
-    """
-
-    names: tuple[str, ...]
-    values: Array
-    covariance: Array
-    prior: Array
-
-    @property
-    def deviation(self) -> Array:
-        """Standard deviation (p, k)."""
-        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)).T
-
-    @property
-    def learned(self) -> Array:
-        """1 − posterior variance / prior variance (p, k): 1 where the data say all, 0 where they say nothing."""
-        return np.asarray(1.0 - (self.deviation / self.prior[:, None]) ** 2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Parameters of a model and how they are sampled."""
+"""Parameters of a model, how they are sampled, and what is found of them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -139,3 +139,33 @@ class ParameterSpace:
         if len(values) != len(self.parameters):
             raise ShapeError(f"parameter vector: got {len(values)} values, expected {len(self.parameters)}")
         return {name: float(value) for name, value in zip(self.names, values, strict=True)}
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterEstimate:
+    """What was found of a model's parameters, beside the state.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The parameters that vary, p of them.
+    values : (p, k) array
+    covariance : (k, p, p) array
+    prior : (p,) array
+        Standard deviation of each before anything was measured.
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    covariance: Array
+    prior: Array
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviation (p, k)."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)).T
+
+    @property
+    def learned(self) -> Array:
+        """1 − posterior variance / prior variance (p, k): 1 where the data say all, 0 where they say nothing."""
+        return np.asarray(1.0 - (self.deviation / self.prior[:, None]) ** 2)

@@ -306,27 +306,20 @@ class PreparedPosterior(PreparedEstimator):
     def _modes(self, values: Array, variance: Array, blocks: Array) -> _Modes:
         k, p, count = len(values), len(self.coordinates.free), self.settings.starts
         expected = self.emulator.values(self.places, blocks)
-        x, cost, precision = self._search(values, variance, blocks, expected, count)
-        best = cost.min(axis=1)
-        # Twice the best cost is a sum of squares; what nothing fits may have a better mode elsewhere.
+        ends = [_ended(*each) for each in zip(*self._search(values, variance, blocks, expected, count), strict=True)]
+        # Twice the best cost is a sum of squares; what nothing fits may have a better mode elsewhere, and where two
+        # modes fit there may be more than so few starts can find.
         used = np.isfinite(variance).sum(axis=1)
-        bad = 2 * best > used + p + 5.0 * np.sqrt(2.0 * used)
-        # Where two modes fit there may be more than so few starts can find.
-        several = [len(_competing(x[j], cost[j], precision[j], np.linalg.inv(precision[j]))) > 1 for j in range(k)]
-        doubtful = np.flatnonzero(bad | np.array(several, dtype=bool))
-        for_each: list[tuple[Array, Array, Array]] = list(zip(x, cost, precision, strict=True))
-        if len(doubtful):
+        most = used + p + 5.0 * np.sqrt(2.0 * used)
+        doubtful = [j for j, end in enumerate(ends) if 2 * end.cost > most[j] or len(end.parts) > 1]
+        if doubtful:
             more = self._search(values[doubtful], variance[doubtful], blocks, expected, _AGAIN * count)
-            for number, again in zip(doubtful, zip(*more, strict=True), strict=True):
-                for_each[number] = again
-        found = np.empty((k, p)), np.empty((k, p, p))
-        parts = []
-        for j, (places, costs, precisions) in enumerate(for_each):
-            winner = costs.argmin()
-            covariances = np.asarray(np.linalg.inv(precisions), dtype=np.float64)
-            found[0][j], found[1][j] = places[winner], covariances[winner]
-            parts.append(_competing(places, costs, precisions, covariances))
-        return _Modes(*found, parts)
+            for j, again in zip(doubtful, zip(*more, strict=True), strict=True):
+                ends[j] = _ended(*again)
+        x, covariance = np.empty((k, p)), np.empty((k, p, p))
+        for j, end in enumerate(ends):
+            x[j], covariance[j] = end.x, end.covariance
+        return _Modes(x, covariance, [end.parts for end in ends])
 
     def _search(
         self, values: Array, variance: Array, blocks: Array, expected: Array, count: int
@@ -380,6 +373,23 @@ class _Found:
     statistic: Array
     anomalies: list[Array]
     clouds: list[Cloud]
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """Where several searches of one series ended: the best, and the distinct modes that compete with it."""
+
+    x: Array
+    covariance: Array
+    cost: float
+    parts: list[tuple[Array, Array, float]]
+
+
+def _ended(x: Array, cost: Array, precision: Array) -> _End:
+    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+    winner = cost.argmin()
+    parts = _competing(x, cost, precision, covariance)
+    return _End(x[winner], covariance[winner], float(cost[winner]), parts)
 
 
 def _competing(x: Array, cost: Array, precision: Array, covariance: Array) -> list[tuple[Array, Array, float]]:

@@ -17,7 +17,6 @@ import numpy as np
 
 from dacore.core.arrays import Array, IntArray
 from dacore.core.background import Background, ParametricMap
-from dacore.errors import CapabilityError
 from dacore.estimators.posterior_coordinates import Coordinates
 from dacore.estimators.posterior_interpolant import Interpolant, interpolate
 from dacore.estimators.posterior_smooth import fitted
@@ -196,12 +195,7 @@ def unpacked(
 
 def forward_of(background: Background) -> ParametricMap:
     """Return the forward map of a background; CapabilityError if it has none."""
-    if background.forward is None:
-        raise CapabilityError(
-            "posterior: this training left no map from parameters to trajectories; train with "
-            "training.method = 'reduced'"
-        )
-    return background.forward
+    return background.parametric("posterior: this training left no map from parameters to trajectories")
 
 
 # Masks, steps and other functionals need the same emulator; it goes when its background goes.

@@ -109,6 +109,10 @@ class Registry:
             raise PluginError(f"{who} leaves {', '.join(abstract)} abstract; implement every abstract method")
         return cls
 
+    def version(self, kind: str, name: str) -> str:
+        """Version of the distribution that declares a plugin; PluginError if none does."""
+        return self._find(kind, name).source.version
+
     def table(self) -> tuple[Row, ...]:
         """Every plugin, ready or not, by kind and name; imports no plugin class."""
         rows = [_row(each) for each in self.declarations] + [_failed(each) for each in self.failures]

@@ -14,7 +14,7 @@ import numpy as np
 from dacore.core.arrays import Array, IntArray
 from dacore.core.background import Background, ParametricMap
 from dacore.core.parameters import ParameterSpace
-from dacore.errors import CapabilityError, ShapeError
+from dacore.errors import ShapeError
 
 # What the numbers of one patient are drawn for; streams of noise have the level's billionths in its place.
 _PARAMETERS = 0
@@ -181,12 +181,7 @@ def measured(forward: ParametricMap, observed: Array, points: Array) -> Measurem
 
 def forward_of(background: Background) -> ParametricMap:
     """Return the background's map from parameters to trajectories; CapabilityError if training left none."""
-    if background.forward is None:
-        raise CapabilityError(
-            "this training set has no map from parameters to trajectories, which a cohort needs; train with "
-            "training.method = 'reduced'"
-        )
-    return background.forward
+    return background.parametric("this training set has no map from parameters to trajectories, which a cohort needs")
 
 
 def _restricted(parameters: ParameterSpace, group: Group) -> ParameterSpace:

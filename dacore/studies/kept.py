@@ -14,9 +14,9 @@ from dacore.core.estimator import BackgroundSpace, Estimate, ParameterEstimate
 from dacore.core.misfit import Misfit
 from dacore.errors import StoreError
 from dacore.io.arrays import read_arrays, write_arrays
+from dacore.studies.outcomes import Judged, Outcome, QuantityOutcome
 from dacore.studies.reference import Measured, Reference
 from dacore.studies.refinement import Refinement
-from dacore.studies.validation import Judged, Outcome, QuantityOutcome
 
 MEASURED = "dacore measured cases 1"
 REFERENCE = "dacore reference cases 1"

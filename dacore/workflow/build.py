@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -52,16 +52,14 @@ class Builder:
         What to call the scene in messages.
     base : Path
         Folder that relative paths in the scene start from.
+    registry : Registry, optional
+        What is installed; read by default, and shared by the variants of a scene.
     """
 
     scene: Scene
     where: str
     base: Path
-
-    @cached_property
-    def registry(self) -> Registry:
-        """What is installed."""
-        return load()
+    registry: Registry = field(default_factory=load)
 
     def _make(self, kind: str, table: PluginTable, key: str) -> Any:
         cls = self._class(kind, table.kind, key)
@@ -309,8 +307,7 @@ class Builder:
         cls = self.registry.get(kind, name)
         packages = {each.__module__.partition(".")[0] for each in cls.__mro__}
         own = sorted(packages - {"dacore"} - sys.stdlib_module_names) or ["dacore"]
-        rows = [row.version for row in self.registry.table() if row.kind == kind and row.name == name]
-        return f"{rows[0] if rows else 'unknown'}+{'+'.join(map(source_hash, own))}"
+        return f"{self.registry.version(kind, name)}+{'+'.join(map(source_hash, own))}"
 
     def versions(self) -> dict[str, str]:
         """Versions of dacore, its numerical libraries and every installed plugin distribution."""

@@ -14,7 +14,7 @@ from dacore.dynamics.march import MarchedModel
 from dacore.figures.comparison import Compared
 from dacore.figures.slices import HEAD, Frame, Slab, View
 from dacore.geometry.cut import cut_plane, planar_domain
-from dacore.studies.validation import Outcome
+from dacore.studies.outcomes import Outcome
 from dacore.workflow.drawn import unit_text
 from dacore.workflow.session import Session
 from dacore.workflow.tables import name_of

@@ -1,6 +1,7 @@
 """What a run leaves behind: results.json, figures, fields for ParaView, one report."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
@@ -12,7 +13,7 @@ from dacore.figures.style import png
 from dacore.io.atomic import atomic_write
 from dacore.io.fields import write_series, write_vtu
 from dacore.studies.errors import JOINT
-from dacore.studies.validation import PRIOR, Outcome, Validation
+from dacore.studies.outcomes import PRIOR, Outcome, Validation
 from dacore.workflow.build import Builder
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.drawn import Drawn, Plot, tag, unit_text
@@ -64,11 +65,20 @@ def tables(session: Session, joint: bool = True) -> list[Table]:
     return out
 
 
-def all_studies(session: Session) -> list[Table]:
-    """Tables of all studies side by side; none without studies."""
-    canvas = Canvas(session)
-    units = {name: canvas.quantity_unit(name) for name in session.builder.scene.quantity}
-    return score_tables(session.builder, units, show_studies(canvas), session.validation.headline)
+@dataclass(frozen=True, eq=False)
+class Published:
+    """What a run wrote, and what of it belongs on a terminal.
+
+    Parameters
+    ----------
+    files : list of Path
+        Those that a reader opens first.
+    studies : list of Table
+        All studies side by side; none without studies.
+    """
+
+    files: list[Path]
+    studies: list[Table]
 
 
 def write_figures(pictures: Iterable[Drawn], folder: Path, kept: Path | None = None) -> dict[str, Picture]:
@@ -133,7 +143,12 @@ def write_fields(session: Session, folder: Path) -> list[Path]:
 
 
 def make_report(
-    session: Session, pictures: dict[str, Picture], summary: dict[str, Any], scene_text: str, studies: Sequence[Shown]
+    session: Session,
+    pictures: dict[str, Picture],
+    summary: dict[str, Any],
+    scene_text: str,
+    studies: Sequence[Shown],
+    side_by_side: Sequence[Table],
 ) -> Report:
     """Put results and figures together for reading."""
     builder, validation = session.builder, session.validation
@@ -191,7 +206,7 @@ def make_report(
         ),
         Section("Background spaces", "", take("singular_values", "inf_sup", "bound", "modes")),
         *(each.section(pictures) for each in studies),
-        Section("All studies", "", all_studies(session) if studies else []),
+        Section("All studies", "", side_by_side),
     ]
     scene = builder.scene
     return Report(
@@ -271,15 +286,17 @@ def _mean(outcome: Outcome, label: str) -> float:
     return float(outcome.space_time[label].mean())
 
 
-def publish(session: Session, out: Path, summary: dict[str, Any], scene_text: str) -> list[Path]:
-    """Write figures, fields and the report; returns the files a reader opens first."""
+def publish(session: Session, out: Path, summary: dict[str, Any], scene_text: str) -> Published:
+    """Write figures, fields and the report."""
     canvas = Canvas(session)
     studies = show_studies(canvas)
+    units = {name: canvas.quantity_unit(name) for name in session.scene.quantity}
+    side_by_side = score_tables(session.builder, units, studies, session.validation.headline)
     drawn = chain(draw_all(canvas), *(each.drawn for each in studies))
     pictures = write_figures(drawn, out / "figures", session.runner.cache / "figures")
     fields = []
     if session.scene.report.states and "cells" in session.model.space.capabilities:
         fields = write_fields(session, out / "fields")
     report = out / "report.html"
-    write_report(report, make_report(session, pictures, summary, scene_text, studies))
-    return [report, *fields]
+    write_report(report, make_report(session, pictures, summary, scene_text, studies, side_by_side))
+    return Published([report, *fields], side_by_side)

@@ -6,7 +6,7 @@ from dacore.figures.cycle import ErrorHistory, cycle_errors
 from dacore.figures.quantity import QuantityPanel, quantity
 from dacore.figures.summary import summary
 from dacore.studies.errors import JOINT
-from dacore.studies.validation import PRIOR
+from dacore.studies.outcomes import PRIOR
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.drawn import Drawn, Plot, error_name, sheets, tag
 from dacore.workflow.results import learned_of

@@ -7,7 +7,7 @@ from dacore.figures.hero import Hidden, Measured, hero
 from dacore.figures.slices import View
 from dacore.figures.voxels import measured_slice
 from dacore.geometry.cut import cut_plane
-from dacore.studies.validation import PRIOR
+from dacore.studies.outcomes import PRIOR
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.drawn import Drawn, Plot, sheets, tag, time_text, unit_text
 from dacore.workflow.tables import name_of, noise_name, percent

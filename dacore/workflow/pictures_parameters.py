@@ -7,7 +7,7 @@ from dacore.core.estimator import ParameterEstimate
 from dacore.figures.learned import UNSEEN, learned
 from dacore.figures.parameters import ParameterPanel, parameters
 from dacore.figures.style import share_text
-from dacore.studies.validation import Outcome
+from dacore.studies.outcomes import Outcome
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.drawn import Drawn, Plot, unit_text
 from dacore.workflow.report_parts import Cell, Table

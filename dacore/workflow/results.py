@@ -17,7 +17,7 @@ from dacore.core.observation import Functionals
 from dacore.io.atomic import atomic_write
 from dacore.pipeline.runner import PlannedStage
 from dacore.studies.errors import JOINT
-from dacore.studies.validation import PRIOR, Judged, Outcome, Validation
+from dacore.studies.outcomes import PRIOR, Judged, Outcome, Validation
 from dacore.workflow.build import Builder
 from dacore.workflow.machine import peak_memory
 from dacore.workflow.session import Session

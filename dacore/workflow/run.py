@@ -70,7 +70,7 @@ def run_scene(
     """
     started = time.perf_counter()
     # Drawing needs matplotlib; a plan does not.
-    from dacore.workflow.output import all_studies, publish, tables
+    from dacore.workflow.output import publish, tables
     from dacore.workflow.studies.output import study_numbers
 
     board = board or ProgressBoard()
@@ -99,13 +99,13 @@ def run_scene(
         text = path.read_text(encoding="utf-8") + "".join(f"\n# --set {change}" for change in changes)
         board.stage("report", "start")
         drawing, used = time.perf_counter(), processor_time()
-        files = publish(session, out, summary, text)
+        published = publish(session, out, summary, text)
         board.stage("report", "done")
         law = report(session.runner.known_sizes(), session.scene.report.states)
         record = Record(REPORT, time.perf_counter() - drawing, processor_time() - used, law.seconds, {})
         session.runner.ledger.keep("latest", record)
-    shown = (*tables(session, joint=False), *all_studies(session))
-    return Finished(shown, (*files, results), time.perf_counter() - started)
+    shown = (*tables(session, joint=False), *published.studies)
+    return Finished(shown, (*published.files, results), time.perf_counter() - started)
 
 
 def plan_scene(

@@ -14,9 +14,9 @@ from dacore.errors import SceneError
 from dacore.io.scene import Scene
 from dacore.pipeline.runner import Runner
 from dacore.reduction.training import Reduced
+from dacore.studies.outcomes import Judged, Validation
 from dacore.studies.reduction import UnseenErrors
 from dacore.studies.refinement import Refinement
-from dacore.studies.validation import Judged, Validation
 from dacore.workflow.build import Builder
 
 

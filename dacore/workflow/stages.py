@@ -31,10 +31,11 @@ from dacore.studies.kept import (
     write_refinement,
 )  # fmt: skip
 from dacore.studies.noisy import NoisyData
+from dacore.studies.outcomes import Judged, Validation
 from dacore.studies.reduction import unseen_errors
 from dacore.studies.reference import measure, project
 from dacore.studies.refinement import time_refinement
-from dacore.studies.validation import PRODUCT, Judge, Judged, Validation, gather, joint_weights
+from dacore.studies.validation import PRODUCT, Judge, gather, joint_weights
 from dacore.workflow.board import ProgressBoard
 from dacore.workflow.build import Builder
 from dacore.workflow.groundwork import groundwork_stages

@@ -8,9 +8,9 @@ from dacore.core.space import StateSpace
 from dacore.errors import ShapeError
 from dacore.reduction.training import Reduced
 from dacore.studies.errors import JOINT
+from dacore.studies.outcomes import PRIOR, Outcome, Validation
 from dacore.studies.reduction import UnseenErrors
 from dacore.studies.refinement import Refinement
-from dacore.studies.validation import PRIOR, Outcome, Validation
 from dacore.workflow.build import Builder
 from dacore.workflow.drawn import unit_text
 from dacore.workflow.report_parts import Cell, Table, Tone

@@ -13,7 +13,8 @@ from dacore.core.model import Trajectory
 from dacore.core.noise import WhiteNoise
 from dacore.estimators.pbdw import PBDW
 from dacore.estimators.saddle_point import solve_saddle_point
-from dacore.studies.validation import PRIOR, validate
+from dacore.studies.outcomes import PRIOR
+from dacore.studies.validation import validate
 from tests.spaces import Chain, random_background, random_functionals
 
 

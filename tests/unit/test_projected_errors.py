@@ -13,8 +13,9 @@ from dacore.estimators.minimum_variance import MinimumVariance
 from dacore.estimators.pbdw import PBDW
 from dacore.studies.errors import Contrast, ErrorMeter, ProjectedErrors
 from dacore.studies.noisy import NoisyData
+from dacore.studies.outcomes import PRIOR
 from dacore.studies.reference import measure, project
-from dacore.studies.validation import PRIOR, Judge, gather, joint_weights
+from dacore.studies.validation import Judge, gather, joint_weights
 from dacore.testing.backgrounds import Population, Weighted
 from tests.spaces import Chain, functionals_of, random_functionals
 

@@ -5,7 +5,7 @@ import pytest
 
 from dacore.core.quantity import QuantityOfInterest
 from dacore.studies.errors import JOINT
-from dacore.studies.validation import PRIOR
+from dacore.studies.outcomes import PRIOR
 from dacore.workflow.canvas import Canvas
 from tests.study_scenes import counted, found, opened
 

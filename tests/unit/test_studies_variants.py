@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dacore.studies.errors import JOINT
-from dacore.studies.validation import PRIOR
+from dacore.studies.outcomes import PRIOR
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.studies.grid import Grid
 from tests.study_scenes import counted, found, opened

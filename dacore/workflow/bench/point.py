@@ -9,7 +9,7 @@ import numpy as np
 
 from dacore.core.arrays import Array
 from dacore.studies.errors import JOINT
-from dacore.studies.validation import PRIOR
+from dacore.studies.outcomes import PRIOR
 from dacore.workflow.bench.sweeps import EXACT, Sweep
 
 MEASURED = "measured values"

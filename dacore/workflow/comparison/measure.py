@@ -26,7 +26,7 @@ from dacore.dynamics.training import Progress
 from dacore.errors import DacoreError
 from dacore.io.scene import validate
 from dacore.pipeline.runner import Runner
-from dacore.studies.validation import Outcome
+from dacore.studies.outcomes import Outcome
 from dacore.workflow.board import ProgressBoard
 from dacore.workflow.build import Builder
 from dacore.workflow.comparison.clock import Clocked

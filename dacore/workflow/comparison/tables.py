@@ -8,7 +8,7 @@ import numpy as np
 
 from dacore.core.arrays import Array
 from dacore.studies.errors import JOINT
-from dacore.studies.validation import PRIOR
+from dacore.studies.outcomes import PRIOR
 from dacore.workflow.comparison.agreement import ESTIMATES, GROUPS, worst
 from dacore.workflow.comparison.run import Comparison, Measured
 from dacore.workflow.report_parts import Cell, Table

@@ -18,7 +18,7 @@ from dacore.studies.classification import Classification, classify
 from dacore.studies.cohort import Group, Patients, draw_patients
 from dacore.studies.cohort_estimates import Cohort, CohortOutcome, estimate_cohort
 from dacore.studies.errors import JOINT
-from dacore.studies.validation import PRIOR
+from dacore.studies.outcomes import PRIOR
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.drawn import Drawn, Plot, tag
 from dacore.workflow.report_parts import Cell, Table

@@ -13,7 +13,7 @@ from dacore.estimators.pbdw import PBDW, Rule
 from dacore.estimators.prepared_pbdw import PreparedPBDW
 from dacore.figures.dimension import DimensionPanel, dimension
 from dacore.io.scene import Scene
-from dacore.studies.validation import PRIOR
+from dacore.studies.outcomes import PRIOR
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.drawn import Drawn, Plot, error_name
 from dacore.workflow.report_parts import Cell, Table

@@ -7,7 +7,7 @@ import numpy as np
 from dacore.core.arrays import Array
 from dacore.figures.data_amount import data_amount
 from dacore.figures.mismatch import MismatchCurve, mismatch
-from dacore.studies.validation import PRIOR
+from dacore.studies.outcomes import PRIOR
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.drawn import Drawn, Plot, error_name, tag
 from dacore.workflow.studies.grid import Grid

@@ -9,7 +9,7 @@ import numpy as np
 from dacore.core.arrays import Array
 from dacore.errors import ShapeError
 from dacore.studies.errors import JOINT
-from dacore.studies.validation import PRIOR, Outcome, Validation
+from dacore.studies.outcomes import PRIOR, Outcome, Validation
 from dacore.workflow.build import Builder
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.report_parts import Cell, Table

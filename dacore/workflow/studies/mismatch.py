@@ -1,9 +1,9 @@
 """Truths of another model than the estimator's: wrong conditions, other material, a finer mesh or step."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import overload
 
 import numpy as np
 
@@ -12,18 +12,19 @@ from dacore.core.model import Trajectory
 from dacore.core.observation import Functionals
 from dacore.errors import ShapeError
 from dacore.io.scene import Scene
-from dacore.studies.errors import ErrorMeter, ProjectedErrors
+from dacore.studies.errors import ErrorMeter
 from dacore.studies.noisy import NoisyData
-from dacore.studies.reference import Measured, project
-from dacore.studies.transfer import Projection, interpolation, unattainable
-from dacore.studies.validation import PRODUCT, Judge, Validation, gather, joint_weights
+from dacore.studies.outcomes import Validation
+from dacore.studies.reference import Measured
+from dacore.studies.transfer import Projection, Transfer, interpolation, unattainable
+from dacore.studies.validation import PRODUCT, validate_measured
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.drawn import Drawn
 from dacore.workflow.session import Session
 from dacore.workflow.studies.bench import Bench
 from dacore.workflow.studies.drawing import draw_mismatch
 from dacore.workflow.studies.grid import Grid
-from dacore.workflow.studies.named import chosen_estimators
+from dacore.workflow.studies.named import Setting, check_labels, chosen_estimators
 from dacore.workflow.studies.study import Exhibit, Findings, Study, Variant
 from dacore.workflow.tables import noise_name
 
@@ -31,22 +32,19 @@ _NEEDS = ("truth", "measured", "functionals")
 
 
 @dataclass(frozen=True)
-class Truth:
+class Truth(Setting):
     """A model that the estimators do not know of.
 
     Parameters
     ----------
-    label : str
-    set : mapping of str to object
-        Dotted keys of the scene and their values.
+    label, set
+        As of a `Setting`.
     series : str
         Truths of one series differ in one size only and make a curve.
     size : float, optional
         Of what is wrong, in the unit of the measured values: shown relative to the largest of them.
     """
 
-    label: str
-    set: Mapping[str, Any]
     series: str = ""
     size: float | None = None
 
@@ -68,9 +66,7 @@ class Mismatch(Study):
     estimators: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        labels = [each.label for each in self.truths]
-        if not labels or len(set(labels)) < len(labels):
-            raise ShapeError(f"truths: got the labels {', '.join(labels)}; expected at least one and each once")
+        check_labels("truths", self.truths)
         for each in self.truths:
             for key in each.set:
                 if key in ("time.step", "time.steps"):
@@ -170,30 +166,40 @@ class _Foreign:
         nearest = Projection(there, here)
         return unattainable(nearest, nearest.basis, states, meter)[there.fields[-1].name]
 
-    def _truths(self) -> Iterator[Trajectory]:
-        for truth in self.other.truth:
-            yield Trajectory(self._transfer(truth.states), truth.times)
-
     def judged(self, estimators: Sequence[str]) -> Validation:
         """What the scene's estimators make of the truth's data."""
         base, scene = self.base, self.base.scene
-        background, contrasts = base.background, base.builder.contrasts(base.model.space, base.parameters)
         measured: Measured = self.other.runner["measured"]
         data = np.zeros((base.functionals.count, *measured.data.shape[1:]))
         data[self.mask] = measured.data[self._rows]
-        noisy = NoisyData.drawn(
-            data, scene.noise.levels, scene.noise.seed, base.builder.observed(len(background.times))
-        )
-        weights = joint_weights(background)
-        meter = ErrorMeter(base.model.space, PRODUCT, contrasts, weights)
-        projected = None
-        if background.kind == PRODUCT:
-            reference = project(background, base.functionals, list(self._truths()), contrasts)
-            projected = ProjectedErrors(background, base.functionals, reference)
-        judge = Judge(Measured(data, measured.quantities), base.quantities, meter, projected, self._truths)
-        mask = None if self.mask.all() else self.mask
-        judged = {name: judge.judge(name, base.prepared(name), noisy, mask) for name in estimators}
-        return gather(judge.prior(background), judged, noisy, meter.labels, weights)
+        steps = base.builder.observed(len(base.background.times))
+        return validate_measured(
+            base.background, base.functionals, {name: base.prepared(name) for name in estimators},
+            _Moved(self.other.truth, self._transfer), Measured(data, measured.quantities),
+            NoisyData.drawn(data, scene.noise.levels, scene.noise.seed, steps), base.quantities,
+            base.builder.contrasts(base.model.space, base.parameters), None if self.mask.all() else self.mask,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Moved(Sequence[Trajectory]):
+    """Trajectories in another space, moved one at a time."""
+
+    trajectories: Sequence[Trajectory]
+    transfer: Transfer
+
+    def __len__(self) -> int:
+        return len(self.trajectories)
+
+    @overload
+    def __getitem__(self, index: int) -> Trajectory: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Trajectory]: ...
+    def __getitem__(self, index: int | slice) -> Trajectory | list[Trajectory]:
+        if isinstance(index, slice):
+            return [self[k] for k in range(len(self))[index]]
+        found = self.trajectories[index]
+        return Trajectory(self.transfer(found.states), found.times)
 
 
 def _aligned(base: Functionals, other: Functionals, truth: str) -> tuple[BoolArray, IntArray]:

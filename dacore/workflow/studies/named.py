@@ -1,9 +1,33 @@
-"""Estimators that studies name: those of the scene, and of the kind they need."""
+"""What studies name: variants of the scene by a label, and estimators of the scene, of the kind they need."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 from dacore.errors import ShapeError
 from dacore.io.scene import Scene
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One variant of the scene.
+
+    Parameters
+    ----------
+    label : str
+    set : mapping of str to object
+        Dotted keys of the scene and their values.
+    """
+
+    label: str
+    set: Mapping[str, Any]
+
+
+def check_labels(what: str, settings: Sequence[Setting], base: str = "") -> None:
+    """Raise ShapeError unless there is a setting, and each label, with that of the scene itself, is there once."""
+    labels = [*([base] if base else []), *(each.label for each in settings)]
+    if not settings or len(set(labels)) < len(labels):
+        raise ShapeError(f"{what}: got the labels {', '.join(labels)}; expected at least one and each once")
 
 
 def chosen_estimators(scene: Scene, names: Sequence[str]) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from dacore.studies.validation import PRIOR
+from dacore.studies.outcomes import PRIOR
 from dacore.workflow.build import Builder
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.drawn import Drawn

@@ -47,8 +47,8 @@ def run_studies(session: Session, job: Job, workers: int, board: ProgressBoard) 
     runner.renewed(f"{STUDY}{name}" for name in missing)
 
 
-def _run_study(job: Job, name: str) -> str:
+def _run_study(job: Job, name: str) -> None:
     from dacore.workflow.open import open_scene
 
-    made = open_scene(job.path, job.changes, job.cache, fresh=[f"{STUDY}{name}"]).runner[f"{STUDY}{name}"]
-    return name if made else ""
+    stage = f"{STUDY}{name}"
+    _ = open_scene(job.path, job.changes, job.cache, fresh=[stage]).runner[stage]

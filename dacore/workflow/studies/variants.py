@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 from dacore.errors import ShapeError
 from dacore.io.scene import Scene
@@ -10,26 +9,11 @@ from dacore.workflow.canvas import Canvas
 from dacore.workflow.studies.bench import Bench
 from dacore.workflow.studies.drawing import draw_amounts
 from dacore.workflow.studies.grid import Grid
-from dacore.workflow.studies.named import chosen_estimators
+from dacore.workflow.studies.named import Setting, check_labels, chosen_estimators
 from dacore.workflow.studies.study import Exhibit, Findings, Study, Variant
 
 # What every row of a table has in common.
 _FIXED = ("noise", "validation", "quantity", "study", "report")
-
-
-@dataclass(frozen=True)
-class Setting:
-    """One variant of the scene.
-
-    Parameters
-    ----------
-    label : str
-    set : mapping of str to object
-        Dotted keys of the scene and their values.
-    """
-
-    label: str
-    set: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -55,7 +39,6 @@ class Variants(Study):
     about: str = ""
 
     def __post_init__(self) -> None:
-        labels = [*([self.base] if self.base else []), *(each.label for each in self.settings)]
         for each in self.settings:
             for key in each.set:
                 if key.partition(".")[0] in _FIXED:
@@ -63,8 +46,7 @@ class Variants(Study):
                         f"settings: {each.label!r} sets {key}, and could not be compared with others; change it for "
                         "the whole scene"
                     )
-        if not self.settings or len(set(labels)) < len(labels):
-            raise ShapeError(f"settings: got the labels {', '.join(labels)}; expected at least one and each once")
+        check_labels("settings", self.settings, self.base)
 
     def variants(self, scene: Scene) -> Mapping[str, Variant]:
         """The scene with each setting, and with the chosen estimators only."""

@@ -14,7 +14,7 @@ from dacore.estimators.pbdw import PBDW
 from dacore.figures.weights import WeightStudy, weights
 from dacore.io.scene import Scene
 from dacore.studies.errors import JOINT
-from dacore.studies.validation import PRIOR
+from dacore.studies.outcomes import PRIOR
 from dacore.workflow.canvas import Canvas
 from dacore.workflow.drawn import Drawn, Plot, error_name, tag, unit_text
 from dacore.workflow.report_parts import Cell, Table
