@@ -230,12 +230,20 @@ def stress(
 
 
 @app.command()
-def plugins() -> None:
+def plugins(
+    scene: Annotated[Path | None, typer.Argument(metavar="SCENE", help="list its plugin files too")] = None,
+) -> None:
     """List what is installed, what failed and why, what is missing and how to install it."""
     from dacore.cli.progress import print_plugins
     from dacore.plugins.registry import load
 
-    print_plugins(load().table())
+    found = load()
+    if scene is not None:
+        from dacore.io.scene import plugin_files
+        from dacore.plugins.files import located, with_files
+
+        found = with_files(found, located(plugin_files(scene), scene.parent))
+    print_plugins(found.table())
 
 
 def _stages(text: str | None) -> list[str]:

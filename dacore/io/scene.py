@@ -195,6 +195,8 @@ class Scene(Table):
     Attributes
     ----------
     title : str
+    plugins : list of str
+        Python files with hooks, for this scene alone; paths start from the scene's folder.
     domain, physics : PluginTable
     discretization, time, training, observed, noise, validation, report : Table
     solver : SolverTable
@@ -205,6 +207,7 @@ class Scene(Table):
     """
 
     title: str
+    plugins: list[str] = []
     domain: PluginTable | None = None
     physics: PluginTable
     discretization: Discretization = Discretization()
@@ -289,6 +292,14 @@ def read_table(path: Path, changes: Sequence[str] = ()) -> dict[str, Any]:
     for change in changes:
         _apply_change(table, change)
     return table
+
+
+def plugin_files(path: Path) -> list[str]:
+    """Read which plugin files a scene names, whatever else is in it; SceneError if they are no list of names."""
+    found = read_table(path).get("plugins", [])
+    if not isinstance(found, list) or not all(isinstance(each, str) for each in found):
+        raise SceneError(f"{path}: plugins: expected a list of file names in quotes")
+    return found
 
 
 def validate(table: Mapping[str, Any], where: str = "scene") -> Scene:

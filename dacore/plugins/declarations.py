@@ -12,7 +12,8 @@ from types import FunctionType
 
 import pluggy
 
-from dacore.plugins.spec import API_VERSION, GROUP, HOOKS, Hooks, PluginSpec
+from dacore.plugins.api import API_VERSION, refused
+from dacore.plugins.spec import GROUP, HOOKS, Hooks, PluginSpec
 
 KINDS = {
     "backend": "dacore_backends",
@@ -25,6 +26,8 @@ KINDS = {
     "study": "dacore_studies",
 }
 
+_HERE = f"plugin interface {'.'.join(map(str, API_VERSION))}"
+
 
 @dataclass(frozen=True)
 class Source:
@@ -33,14 +36,20 @@ class Source:
     Parameters
     ----------
     distribution, version : str
-        Of the installed package.
+        Of the installed package; name of the file and nothing for a file that a scene names.
     entry_point : str
-        ``name = module`` as the package has it.
+        ``name = module`` as the package has it, or the path of the file.
+    file : bool
+        Whether it is a file that a scene names, and not installed.
+    digest : str
+        Hash of the file's content; empty for an installed package.
     """
 
     distribution: str
     version: str
     entry_point: str
+    file: bool = False
+    digest: str = ""
 
     def __str__(self) -> str:
         return f"{self.distribution} {self.version}".strip()
@@ -100,12 +109,27 @@ def read(entry_point: EntryPoint) -> tuple[list[Declaration], list[Failure]]:
         One for each thing that is wrong; what is right is still declared.
     """
     source = _source(entry_point)
+    try:
+        plugin = entry_point.load()
+    except (Exception, SystemExit) as error:  # noqa: BLE001  a stranger's module may raise anything
+        return [], [Failure(source, f"could not be loaded: {one_line(error)}{_outdated(error)}")]
+    return declared(plugin, source)
+
+
+def declared(plugin: object, source: Source) -> tuple[list[Declaration], list[Failure]]:
+    """Call the hooks of a module. Raises nothing, whatever the plugin does.
+
+    Returns
+    -------
+    declarations : list of Declaration
+    failures : list of Failure
+        One for each thing that is wrong; what is right is still declared.
+    """
     manager = pluggy.PluginManager(GROUP)
     manager.add_hookspecs(Hooks)
     try:
-        plugin = entry_point.load()
         manager.register(plugin)
-    except (Exception, SystemExit) as error:  # noqa: BLE001  a stranger's module may raise anything
+    except Exception as error:  # noqa: BLE001  pluggy asks a stranger's module for its attributes
         return [], [Failure(source, f"could not be loaded: {one_line(error)}")]
     failures = [Failure(source, reason) for reason in (*_unknown(manager, plugin), *_unmarked(plugin))]
     declarations: list[Declaration] = []
@@ -116,7 +140,7 @@ def read(entry_point: EntryPoint) -> tuple[list[Declaration], list[Failure]]:
             try:
                 specs = implementation.function()
             except (Exception, SystemExit) as error:  # noqa: BLE001
-                failures.append(Failure(source, f"hook {hook} raised {one_line(error)}", kind))
+                failures.append(Failure(source, f"hook {hook} raised {one_line(error)}{_outdated(error)}", kind))
                 continue
             good, bad = _judge(specs, kind, hook, source)
             declarations += good
@@ -124,6 +148,14 @@ def read(entry_point: EntryPoint) -> tuple[list[Declaration], list[Failure]]:
     if not implemented and not failures:
         failures.append(Failure(source, f"declares nothing; expected at least one of the hooks {', '.join(HOOKS)}"))
     return declarations, failures
+
+
+def _outdated(error: BaseException) -> str:
+    """Say that a plugin asks dacore for something that it does not have: a sign of another interface."""
+    asked = isinstance(error, ImportError) and (error.name or "").partition(".")[0] == "dacore"
+    if asked or (isinstance(error, TypeError) and "PluginSpec" in str(error)):
+        return f"; it wants another plugin interface than {_HERE.rpartition(' ')[2]}: update the older of the two"
+    return ""
 
 
 def _source(entry_point: EntryPoint) -> Source:
@@ -140,7 +172,7 @@ def _unknown(manager: pluggy.PluginManager, plugin: object) -> Iterator[str]:
     """Hooks that a plugin marks and dacore does not have: most often a misspelling."""
     for caller in manager.get_hookcallers(plugin) or []:
         if not caller.has_spec():
-            yield f"hook {caller.name} does not exist{_meant(caller.name)}; hooks are {', '.join(HOOKS)}"
+            yield f"hook {caller.name} does not exist{_meant(caller.name)}; {_HERE} has the hooks {', '.join(HOOKS)}"
 
 
 def _unmarked(plugin: object) -> Iterator[str]:
@@ -178,8 +210,8 @@ def _judge(specs: object, kind: str, hook: str, source: Source) -> tuple[list[De
 
 def _wrong(spec: PluginSpec) -> str:
     """Return why `spec` cannot be used, or nothing."""
-    if spec.api != API_VERSION:
-        return f"written for plugin interface {spec.api!r}, this dacore has {API_VERSION}; update the older of the two"
+    if reason := refused(spec.api):
+        return reason
     if not isinstance(spec.name, str) or not spec.name.isidentifier():
         return f"name: got {spec.name!r}, expected one word of letters, digits and underscores"
     module, _, attribute = spec.target.partition(":") if isinstance(spec.target, str) else ("", "", "")

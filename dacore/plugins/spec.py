@@ -18,8 +18,10 @@ from dataclasses import dataclass
 
 import pluggy
 
+from dacore.deprecation import warn_deprecated
+from dacore.plugins.api import OLDEST
+
 GROUP = "dacore"
-API_VERSION = 1
 
 hookspec = pluggy.HookspecMarker(GROUP)
 hookimpl = pluggy.HookimplMarker(GROUP)
@@ -41,8 +43,9 @@ class PluginSpec:
         What to type to install what `requires` names.
     summary : str
         One line for ``dacore plugins``.
-    api : int
-        Version of the plugin interface it was written for.
+    api : str
+        Version of the plugin interface that it needs, "major.minor" (docs/versions.md). Without it the plugin
+        uses nothing that came after the first of this major version.
     """
 
     name: str
@@ -50,7 +53,15 @@ class PluginSpec:
     requires: tuple[str, ...] = ()
     install: str = ""
     summary: str = ""
-    api: int = API_VERSION
+    api: str | int | tuple[int, int] = OLDEST
+
+    def __post_init__(self) -> None:
+        if type(self.api) is int:
+            # The caller is behind this method and the generated __init__.
+            warn_deprecated(
+                f"api = {self.api}, a whole number", since="plugin interface 1.1", removed_in="plugin interface 2.0",
+                instead=f'api = "{self.api}.0"', stacklevel=3,
+            )  # fmt: skip
 
 
 class Hooks:

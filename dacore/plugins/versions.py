@@ -36,6 +36,14 @@ def _package(point: EntryPoint) -> str:
     return point.value.partition(":")[0].partition(".")[0]
 
 
+_known: dict[str, str] = {}
+
+
+def know_source(module: str, digest: str) -> None:
+    """Remember the hash of a module that was made of one file, as it was when it was read."""
+    _known[module] = digest
+
+
 @cache
 def source_hash(module: str, folders: tuple[str, ...] = ("",)) -> str:
     """Hash of the Python source of a module's package, or of some folders of it; imports nothing.
@@ -47,6 +55,8 @@ def source_hash(module: str, folders: tuple[str, ...] = ("",)) -> str:
     folders : tuple of str
         Folders below the package's; "" for all of it.
     """
+    if module in _known:
+        return _known[module]
     content = hashlib.sha256()
     sources = _sources(module.partition(".")[0])
     for folder in folders:

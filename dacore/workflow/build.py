@@ -32,6 +32,7 @@ from dacore.dynamics.newmark import Newmark
 from dacore.dynamics.scheme import Scheme
 from dacore.errors import DacoreError, MissingDependencyError, PluginError, SceneError, ShapeError
 from dacore.io.scene import PluginTable, Scene, convert
+from dacore.plugins.files import check_files, located, with_files
 from dacore.plugins.registry import Registry, load
 from dacore.plugins.settings import build
 from dacore.plugins.versions import source_hash
@@ -52,14 +53,26 @@ class Builder:
         What to call the scene in messages.
     base : Path
         Folder that relative paths in the scene start from.
-    registry : Registry, optional
+    installed : Registry, optional
         What is installed; read by default, and shared by the variants of a scene.
     """
 
     scene: Scene
     where: str
     base: Path
-    registry: Registry = field(default_factory=load)
+    installed: Registry = field(default_factory=lambda: load())
+
+    @cached_property
+    def registry(self) -> Registry:
+        """What is installed, and what the plugin files of the scene declare; SceneError if one of them is faulty."""
+        if not self.scene.plugins:
+            return self.installed
+        found = with_files(self.installed, located(self.scene.plugins, self.base))
+        try:
+            check_files(found)
+        except PluginError as error:
+            raise SceneError(f"{self.where}: plugins: {error}") from error
+        return found
 
     def _make(self, kind: str, table: PluginTable, key: str) -> Any:
         cls = self._class(kind, table.kind, key)
@@ -154,6 +167,7 @@ class Builder:
     def check(self) -> None:
         """Make every settings object, so that a mistake anywhere in the scene shows before any work."""
         _ = (
+            self.registry,
             self.domain,
             self.physics,
             self.backend if self.domain else None,
@@ -312,8 +326,9 @@ class Builder:
     def versions(self) -> dict[str, str]:
         """Versions of dacore, its numerical libraries and every installed plugin distribution."""
         names = {"dacore", "numpy", "scipy", "h5py", "meshio", "matplotlib"}
-        names |= {row.distribution for row in self.registry.table()}
-        out = {}
+        names |= {row.distribution for row in self.installed.table()}
+        files = [each.source for each in self.registry.declarations if each.source.file]
+        out = {each.distribution: f"source {each.digest}" for each in files}
         for name in sorted(names):
             try:
                 out[name] = version(name)

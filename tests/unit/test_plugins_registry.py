@@ -99,7 +99,7 @@ BROKEN_MODULES = {
     "exits": ("raise SystemExit(3)", "could not be loaded: SystemExit: 3"),
     "misspelt": (
         declare("dacore_backend"),
-        "hook dacore_backend does not exist (did you mean dacore_backends?); hooks are",
+        "hook dacore_backend does not exist (did you mean dacore_backends?); plugin interface 1.",
     ),
     "argument": (
         "from dacore.plugins import hookimpl\n\n@hookimpl\ndef dacore_backends(context):\n    return []\n",
@@ -117,8 +117,8 @@ BROKEN_MODULES = {
     ),
     "no_spec": (declare("dacore_models", "'biot'"), "hook dacore_models returned a list with str in it"),
     "other_api": (
-        declare("dacore_models", "PluginSpec('other', 'a.b:C', api=99)"),
-        "written for plugin interface 99, this dacore has 1; update the older of the two",
+        declare("dacore_models", "PluginSpec('other', 'a.b:C', api='99.0')"),
+        "written for plugin interface 99.0, this dacore has 1.",
     ),
     "bad_target": (declare("dacore_models", "PluginSpec('t', 'a.b.C')"), "target: got 'a.b.C', expected 'package.mod"),
     "bad_name": (

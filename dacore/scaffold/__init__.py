@@ -1,0 +1,1 @@
+"""Distributions to begin with: `dacore new-plugin` writes them from the templates in this package."""
