@@ -79,6 +79,9 @@ class AffineTerm:
 class Load:
     """One cause of motion; the state is linear in its amplitude.
 
+    It pushes and prescribes as time goes on, or it is there at t = 0 only: a state to start from
+    (`Load.at_start`). A cause that does both is two loads with one amplitude.
+
     Parameters
     ----------
     name : str
@@ -90,6 +93,9 @@ class Load:
         Right-hand side per unit of amplitude and profile.
     prescribed : (n_dofs,) array
         Values of the constrained dofs per unit of amplitude and profile, zero elsewhere.
+    initial : (n_dofs,) array, optional
+        State at t = 0 per unit of amplitude, on constrained dofs too, which have the values that are
+        prescribed from the first step on.
     """
 
     name: str
@@ -97,6 +103,13 @@ class Load:
     profile: Profile
     force: Array
     prescribed: Array
+    initial: Array | None = None
+
+    @classmethod
+    def at_start(cls, name: str, amplitude: Coefficient, state: Array) -> "Load":
+        """Return the load that is the state (n_dofs,) at t = 0, per unit of amplitude, and nothing afterwards."""
+        none = np.zeros(len(state))
+        return cls(name, amplitude, at_start, none, none, state)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,10 +156,26 @@ class AffineModel:
                 raise ShapeError(f"load {load.name}: expected force and prescribed values of shape ({n},)")
             if load.prescribed[~self.constrained].any():
                 raise ShapeError(f"load {load.name}: prescribes values of dofs that are not constrained")
+            if load.initial is None:
+                continue
+            if load.initial.shape != (n,):
+                raise ShapeError(
+                    f"load {load.name}: got an initial state of shape {load.initial.shape}, expected ({n},)"
+                )
+            if load.force.any() or load.prescribed.any():
+                raise ShapeError(
+                    f"load {load.name}: got an initial state and a force or prescribed values, expected one of them; "
+                    "make two loads with the same amplitude"
+                )
 
     def amplitudes(self, parameters: Parameters) -> Array:
         """Amplitude (n_loads,) of each load at θ."""
         return np.array([load.amplitude(parameters) for load in self.loads])
+
+
+def at_start(times: Array) -> Array:
+    """Return factors (t,) at times (t,) [s]: one at t = 0, zero afterwards; the profile of an initial state."""
+    return np.asarray(np.equal(times, 0), dtype=np.float64)
 
 
 def combine(terms: Sequence[AffineTerm], parameters: Parameters, n: int) -> Sparse:

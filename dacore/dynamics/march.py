@@ -18,7 +18,7 @@ from dacore.core.timegrid import TimeGrid
 from dacore.dynamics.newmark import Newmark
 from dacore.dynamics.scheme import Scheme, State, StepRule
 from dacore.dynamics.static import steady_state
-from dacore.dynamics.system import StepSystem, load_profiles
+from dacore.dynamics.system import StepSystem, initial_states, load_profiles
 from dacore.errors import ShapeError
 
 Start = Literal["zero", "steady"]
@@ -58,13 +58,19 @@ class MarchedModel(ForwardModel):
         `dacore.dynamics.newmark.Newmark` as published by default.
     start : {"zero", "steady"}
         "zero": y = ẏ = ÿ = 0 at t = 0 on every dof, so that prescribed values jump in the first
-        step. "steady": the equilibrium A(θ) y = F under the loads at t = 0.
+        step; y is what the loads' initial states add up to, where some give one, and ẏ = ÿ = 0 then stands
+        for rates that are not known. "steady": the equilibrium A(θ) y = F under the loads at t = 0.
     method : SolverMethod, optional
         What solves the steps; `dacore.algebra.solvers.Auto` by default.
     tolerance : float
         Relative residual of every solve.
     analysis : object, optional
         What ``method.analyse`` found, if it is known; found when first needed otherwise.
+
+    Raises
+    ------
+    ShapeError
+        If a setting is none of these, or the start is steady and a load gives an initial state.
 
     Notes
     -----
@@ -85,6 +91,12 @@ class MarchedModel(ForwardModel):
             raise ShapeError(f"start: got {start!r}, expected 'zero' or 'steady'")
         if method is not None and not isinstance(method, SolverMethod):
             raise ShapeError(f"method: got {method!r}, expected a SolverMethod such as dacore.algebra.solvers.Direct()")
+        given = [load.name for load in model.loads if load.initial is not None]
+        if start == "steady" and given:
+            raise ShapeError(
+                f"start: got 'steady' and the initial state of {', '.join(given)}, expected one of them; set start to "
+                "'zero', or leave the initial state out"
+            )
         self.model, self.grid, self.scheme = model, grid, scheme or Newmark()
         self.start, self.method, self.tolerance = start, method or Auto(), tolerance
         self._system = StepSystem(model, self.scheme, float(grid.lengths[-1]))
@@ -210,20 +222,23 @@ class MarchedModel(ForwardModel):
         check_shape("start", start.value, (self.space.n_dofs, 1))
         return Trajectory(self._run(parameters, self.model.amplitudes(parameters)[:, None], start)[0], self.times)
 
+    def starts(self, parameters: Parameters, amplitudes: Array) -> Array:
+        """States (n_dofs, k) at t = 0 under k combinations (n_loads, k) of the loads; ConvergenceError as `solve`."""
+        if self.start == "steady":
+            weights = load_profiles(self.model.loads, np.zeros(1)) * amplitudes
+            return steady_state(self.model, parameters, weights, self.method, self.tolerance)
+        return np.asarray(initial_states(self.model) @ amplitudes)
+
     def _check(self, parameters: Parameters) -> None:
         missing = [name for name in self.parameters.names if name not in parameters]
         if missing:
             raise ShapeError(f"parameters: {', '.join(missing)} missing; expected {', '.join(self.parameters.names)}")
 
     def _march(self, parameters: Parameters, amplitudes: Array) -> Array:
-        if self.start == "steady":
-            weights = load_profiles(self.model.loads, np.zeros(1)) * amplitudes
-            value = steady_state(self.model, parameters, weights, self.method, self.tolerance)
-            return self._run(parameters, amplitudes, State.at_rest(value))
         # Where a load is there at t = 0 already, everything jumps and the rates at t = 0 are not known.
-        jump = load_profiles(self.model.loads, np.zeros(1)).any()
-        value = np.zeros((self.space.n_dofs, amplitudes.shape[1]))
-        return self._run(parameters, amplitudes, State.at_rest(value, lag=np.inf if jump else 0.0))
+        jump = self.start == "zero" and load_profiles(self.model.loads, np.zeros(1)).any()
+        state = State.at_rest(self.starts(parameters, amplitudes), lag=np.inf if jump else 0.0)
+        return self._run(parameters, amplitudes, state)
 
     def _run(self, parameters: Parameters, amplitudes: Array, state: State) -> Array:
         """March k motions with load amplitudes (n_loads, k): states (k, n_dofs, t)."""

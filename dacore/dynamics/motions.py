@@ -13,16 +13,14 @@ from dacore.core.model import ForwardModel, Trajectory
 from dacore.core.parameters import Parameters, ParameterSpace
 from dacore.core.space import StateSpace
 from dacore.dynamics.march import MarchedModel
-from dacore.dynamics.static import steady_state
-from dacore.dynamics.system import load_profiles
 from dacore.errors import ShapeError
 
 
 class Motions(ForwardModel):
     """A model whose trajectories are the motions of all loads, one after the other.
 
-    Every step before the recorded ones is recorded too, and a steady start: a reduced model must pass
-    through all of them.
+    Every step before the recorded ones is recorded too, and a start that is not zero: a reduced model must
+    pass through all of them.
 
     Parameters
     ----------
@@ -42,7 +40,7 @@ class Motions(ForwardModel):
         self.marched = model if grid == model.grid else MarchedModel(
             model.model, grid, model.scheme, model.start, model.method, model.tolerance, model.analysis
         )  # fmt: skip
-        self.steady = model.start == "steady"
+        self.started = model.start == "steady" or any(load.initial is not None for load in model.model.loads)
         self._recorded = model.grid.steps
         constant = np.ptp(amplitudes, axis=1) == 0
         typical = np.sqrt((amplitudes**2).mean(axis=1))
@@ -68,16 +66,14 @@ class Motions(ForwardModel):
     def times(self) -> Array:
         """Times (k · t,) [s] of every motion in turn."""
         times = self.marched.times
-        return np.tile(np.concatenate([[0.0], times]) if self.steady else times, self.parts.shape[1])
+        return np.tile(np.concatenate([[0.0], times]) if self.started else times, self.parts.shape[1])
 
     def solve(self, parameters: Parameters) -> Trajectory:
         """Solve for all motions with one set-up."""
         states = self.marched.motions(parameters, self.parts)
-        if self.steady:
-            m = self.marched
-            weights = load_profiles(m.model.loads, np.zeros(1)) * self.parts
-            start = steady_state(m.model, parameters, weights, m.method, m.tolerance)
-            states = np.concatenate([start.T[:, :, None], states], axis=2)
+        if self.started:
+            starts = self.marched.starts(parameters, self.parts)
+            states = np.concatenate([starts.T[:, :, None], states], axis=2)
         return Trajectory(np.concatenate(list(states), axis=1), self.times)
 
     def superpose(self, motions: Trajectory, amplitudes: Array) -> Array:

@@ -12,7 +12,7 @@ from scipy.sparse import csr_array, dia_array
 
 from dacore.algebra.linear_solver import product
 from dacore.core.arrays import Array, BoolArray, IntArray, Sparse
-from dacore.core.model import AffineModel, Load
+from dacore.core.model import AffineModel, Load, at_start
 from dacore.core.parameters import Parameters
 from dacore.core.solver import LinearSolver
 from dacore.dynamics.pattern import PatternSum
@@ -166,8 +166,15 @@ def stack(columns: Sequence[Array], n: int) -> Array:
 
 
 def load_profiles(loads: Sequence[Load], times: Array) -> Array:
-    """Profiles (n_loads, t) of the loads at times (t,) [s]."""
-    return np.array([load.profile(times) for load in loads]).reshape(len(loads), len(times))
+    """Profiles (n_loads, t) of the loads at times (t,) [s]; that of an initial state is one at t = 0 and zero after."""
+    profiles = [load.profile if load.initial is None else at_start for load in loads]
+    return np.array([profile(times) for profile in profiles]).reshape(len(loads), len(times))
+
+
+def initial_states(model: AffineModel) -> Array:
+    """States (n_dofs, n_loads) at t = 0 per unit of each load: zero but for loads that give one."""
+    none = np.zeros(model.space.n_dofs)
+    return stack([none if load.initial is None else load.initial for load in model.loads], model.space.n_dofs)
 
 
 def scale_rows(matrix: Sparse, scale: Array) -> Sparse:

@@ -79,13 +79,14 @@ def _on(model: ReducedModel, directions: Mapping[str, Array]) -> ReducedModel:
     """Return the model on orthonormal directions (r_f, s_f) of each field's coordinates."""
     tested = model.march.tested
     rows = {name: directions[name] for name in tested.rows}
+    initial = np.concatenate([rows[name].T @ model.march.initial[each] for name, each in tested.rows.items()])
     onto = model.onto
     if onto is not None:
         parts = [onto[:, tested.columns[name]] @ each for name, each in directions.items()]
         onto = np.concatenate([*parts, onto[:, model.dimension :]], axis=1)
     return replace(
         model,
-        march=replace(model.march, tested=_projected(tested, rows, directions)),
+        march=replace(model.march, tested=_projected(tested, rows, directions), initial=initial),
         indicator=replace(model.indicator, tested=_projected(model.indicator.tested, {}, directions)),
         lift_products={name: directions[name].T @ each for name, each in model.lift_products.items()},
         onto=onto,

@@ -173,6 +173,11 @@ class Galerkin:
         forces = np.concatenate([self.bases[name].T @ self.split.forces[name] for name in self.split.fields])
         return Tested(tuple(terms), forces, where, where)
 
+    def initial(self) -> Array:
+        """Coefficients (r, n_loads) at t = 0 of the initial state that each load gives."""
+        parts = [self.bases[f].T @ (self.split.products[f] @ self.split.initial[f]) for f in self.split.fields]
+        return np.concatenate(parts)
+
 
 class Sketch:
     """The model tested with a few fixed vectors, and applied to the modes of a growing `Galerkin`.

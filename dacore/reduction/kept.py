@@ -19,7 +19,7 @@ from dacore.reduction.march import ReducedMarch
 from dacore.reduction.model import ReducedModel
 from dacore.reduction.training import Reduced
 
-MAGIC = "dacore reduced training 1"
+MAGIC = "dacore reduced training 2"
 
 
 def write_reduced(reduced: Reduced, path: Path) -> None:
@@ -30,7 +30,7 @@ def write_reduced(reduced: Reduced, path: Path) -> None:
         arrays |= _tested_arrays(title, tested)
     arrays |= {f"lift.{name}": values for name, values in model.lift_products.items()}
     arrays |= {f"gram.{name}": values for name, values in model.lift_grams.items()}
-    arrays |= {"onto": model.onto, "factor": model.indicator.factor}
+    arrays |= {"onto": model.onto, "factor": model.indicator.factor, "initial": model.march.initial}
     arrays |= {"solved": reduced.solved, "estimates": reduced.estimates}
     for k, each in enumerate(reduced.rounds):
         arrays |= {f"round.{k}.{name}": getattr(each, name) for name in ("true", "estimated", "worst")}
@@ -58,7 +58,7 @@ def read_reduced(path: Path, model: MarchedModel, parameters: ParameterSpace) ->
         flow = tuple(bool(each) for each in facts["flow"])
         reduced = ReducedModel(
             model.model,
-            ReducedMarch.of(model, step, flow),
+            ReducedMarch.of(model, step, flow, arrays["initial"]),
             Indicator(tests, arrays["factor"]),
             {name: arrays[f"lift.{name}"] for name in columns},
             {name: arrays[f"gram.{name}"] for name in columns},

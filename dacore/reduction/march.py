@@ -66,6 +66,8 @@ class ReducedMarch:
         Start from the equilibrium under the loads at t = 0, or from zero.
     flow : tuple of bool
         For each field, whether its rows are divided by −c, which makes the step symmetric.
+    initial : (r, n_loads) array
+        Coefficients at t = 0 of the state that each load gives there, zero where it gives none.
     """
 
     tested: Tested
@@ -74,11 +76,13 @@ class ReducedMarch:
     grid: TimeGrid
     steady: bool
     flow: tuple[bool, ...]
+    initial: Array
 
     @classmethod
-    def of(cls, marched: MarchedModel, tested: Tested, flow: tuple[bool, ...]) -> "ReducedMarch":
+    def of(cls, marched: MarchedModel, tested: Tested, flow: tuple[bool, ...], initial: Array) -> "ReducedMarch":
         """Return the reduced model that marches as the full one does."""
-        return cls(tested, marched.model.loads, marched.scheme, marched.grid, marched.start == "steady", flow)
+        steady = marched.start == "steady"
+        return cls(tested, marched.model.loads, marched.scheme, marched.grid, steady, flow, initial)
 
     def run(
         self, coefficients: Array, amplitudes: Array, watch: Callable[[slice, Balance], None] | None = None
@@ -148,6 +152,9 @@ class ReducedMarch:
         profile = load_profiles(self.loads, np.zeros(1))
         value = np.zeros((r + len(self.loads), count))
         if not self.steady:
+            given = np.array([load.initial is not None for load in self.loads], dtype=bool)
+            value[:r] = self.initial @ amplitudes
+            value[r:][given] = amplitudes[given]
             return State.at_rest(value, lag=np.inf if profile.any() else 0.0)
         value[r:] = profile * amplitudes
         right = self.tested.forces @ value[r:] - self.tested.apply(0, coefficients, value)

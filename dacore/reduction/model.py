@@ -54,7 +54,7 @@ class ReducedModel:
             products[name] = galerkin.bases[name].T @ weighted[free]
             grams[name] = values.T @ weighted
         flow = tuple(split.flow[name] for name in split.fields)
-        march = ReducedMarch.of(marched, galerkin.tested(), flow)
+        march = ReducedMarch.of(marched, galerkin.tested(), flow, galerkin.initial())
         return cls(marched.model, march, Indicator(sketch, factor), products, grams)
 
     @property

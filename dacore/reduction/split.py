@@ -10,7 +10,7 @@ from dacore.core.arrays import Array, BoolArray, IntArray, Sparse
 from dacore.core.model import AffineModel, AffineTerm, Coefficient
 from dacore.core.parameters import Parameters
 from dacore.core.space import Product
-from dacore.dynamics.system import stack
+from dacore.dynamics.system import initial_states, stack
 from dacore.errors import CapabilityError
 
 
@@ -55,8 +55,10 @@ class SplitModel:
     products : dict of str to (n_f, n_f) csr_array
         Inner product on the free dofs of each field.
     prescribed : dict of str to (n_field, n_loads) array
-        Values of the constrained dofs, zero at the free ones.
+        Values of the constrained dofs, zero at the free ones; of an initial state those at t = 0.
     forces : dict of str to (n_f, n_loads) array
+    initial : dict of str to (n_f, n_loads) array
+        Values of the initial states at the free dofs.
     terms : tuple of SplitTerm
     flow : dict of str to bool
         Whether the field's rows are those marked as antisymmetric.
@@ -85,10 +87,14 @@ class SplitModel:
             self.products[name] = csr_array(model.space.field_product(name, kind)[free][:, free])
             self.flow[name] = _all_or_none(model.antisymmetric[block][free], name)
         n = model.space.n_dofs
+        start = initial_states(model)
+        # A load that gives an initial state prescribes nothing: its column holds the constrained dofs at t = 0.
         values = stack([load.prescribed for load in model.loads], n)
+        values = values + np.where(model.constrained[:, None], start, 0.0)
         force = stack([load.force for load in model.loads], n)
         self.prescribed = {name: values[layout.block(name)] for name in self.fields}
         self.forces = {name: force[layout.block(name)][self.free[name]] for name in self.fields}
+        self.initial = {name: start[layout.block(name)][self.free[name]] for name in self.fields}
         self.terms = tuple(self._split(order, term, values) for order, term in _terms(model))
 
     def _split(self, order: int, term: AffineTerm, values: Array) -> SplitTerm:

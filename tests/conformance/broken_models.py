@@ -233,6 +233,38 @@ class EmptyLoad(Sound):
         return with_load(model, "push", force=np.zeros(model.space.n_dofs))
 
 
+@caught_by("flags_fit", "the load warm neither pushes")
+class StartsAtZero(Sound):
+    def change(self, model):
+        warm = Load.at_start("warm", one, np.zeros(model.space.n_dofs))
+        return replace(model, loads=(*model.loads, warm))
+
+
+@caught_by("flags_fit", "the load warm holds NaN", also=("trajectories_fit_the_space",))
+class StartsNowhere(Sound):
+    def change(self, model):
+        warm = Load.at_start("warm", one, np.full(model.space.n_dofs, np.nan))
+        return replace(model, loads=(*model.loads, warm))
+
+
+class Cooling:
+    """Changes the state that it starts from."""
+
+    def __init__(self, state):
+        self.state = state
+
+    def __call__(self, parameters):
+        self.state *= 0.999
+        return 1.0
+
+
+@caught_by("matrices_are_free_of_parameters", "the initial state of warm changes in a solve")
+class StartOfTheLastSolve(Sound):
+    def change(self, model):
+        state = np.ones(model.space.n_dofs)
+        return replace(model, loads=(*model.loads, Load.at_start("warm", Cooling(state), state)))
+
+
 @caught_by("steps_are_symmetric", "a step with Newmark.* cannot be made")
 class NoFlowRows(Sound):
     def change(self, model):

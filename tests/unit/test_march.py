@@ -25,6 +25,7 @@ from dacore.errors import AccuracyError, CapabilityError, ShapeError
 from tests import rods
 
 N = 12
+GRID = TimeGrid(0.05, 6)
 THETA = {"rho": 1.3, "modulus": 40.0, "alpha": 0.8, "storage": 0.05, "mobility": 0.3, "pull": -2.0}
 THETA |= {"inflow": 5.0, "outflow": 1.0}
 SCHEMES = [Newmark(), Newmark(0.25, 0.5, "newmark"), Newmark(0.5, 1.0, "newmark"), Newmark(0.3, 0.55)]
@@ -487,3 +488,46 @@ def test_grids_of_steps():
     ):
         with pytest.raises(ShapeError, match=message):
             TimeGrid(0.1, 3, **wrong)
+
+
+def test_an_initial_state_is_where_the_march_starts():
+    """Recomputed from the same state handed over by hand; superposed with the other loads; with every scheme."""
+    shape = np.sin(np.linspace(0.0, 3.0, 2 * N)) + 0.3
+    model = rod()
+    warm = replace(model, loads=(*model.loads, Load.at_start("warm", twice, shape)))
+    for scheme in (Newmark(), Newmark(0.25, 0.5, "newmark"), GeneralizedAlpha(0.5)):
+        for grid in (GRID, replace(GRID, graded=2), replace(GRID, spin_up=3, substeps=2)):
+            started = MarchedModel(warm, grid, scheme, tolerance=1e-12)
+            states = started.solve(THETA).states
+            at = State.at_rest(2.0 * shape[:, None], lag=np.inf)
+            by_hand = MarchedModel(model, grid, scheme, tolerance=1e-12).march(THETA, at).states
+            assert np.abs(states - by_hand).max() < 1e-9 * np.abs(states).max()
+            responses = started.responses(THETA)
+            again = responses.superpose(warm.amplitudes(THETA)).states
+            assert np.abs(states - again).max() < 1e-9 * np.abs(states).max()
+            plain = MarchedModel(model, grid, scheme, tolerance=1e-12).solve(THETA).states
+            assert np.abs(states - plain).max() > 1e-3 * np.abs(states).max()
+
+
+def test_constrained_dofs_have_their_prescribed_values_after_an_initial_state():
+    model = rod()
+    warm = replace(model, loads=(*model.loads, Load.at_start("warm", twice, np.ones(2 * N))))
+    for scheme in (Newmark(), GeneralizedAlpha(0.5)):
+        states = MarchedModel(warm, GRID, scheme).solve(THETA).states
+        wanted = MarchedModel(model, GRID, scheme).solve(THETA).states
+        np.testing.assert_allclose(states[model.constrained], wanted[model.constrained], atol=1e-12)
+
+
+def test_initial_states_that_fit_nothing_are_refused():
+    model = rod()
+    warm = Load.at_start("warm", twice, np.ones(2 * N))
+    with pytest.raises(ShapeError, match="start: got 'steady' and the initial state of warm, expected one of them"):
+        MarchedModel(replace(model, loads=(*model.loads, warm)), GRID, start="steady")
+    with pytest.raises(ShapeError, match="load warm: got an initial state of shape"):
+        replace(model, loads=(replace(warm, initial=np.ones(3)),))
+    with pytest.raises(ShapeError, match="make two loads with the same amplitude"):
+        replace(model, loads=(replace(warm, force=np.ones(2 * N)),))
+
+
+def twice(_):
+    return 2.0

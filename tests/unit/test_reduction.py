@@ -1,6 +1,7 @@
 """Reduced models: exact where nothing is left out, as accurate as they say elsewhere, and few full solves."""
 
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from dacore.dynamics.newmark import Newmark
 from dacore.dynamics.profiles import Sine
 from dacore.dynamics.training import draw
 from dacore.errors import AccuracyError, CapabilityError, ShapeError, StoreError
+from dacore.reduction.coarse import coarse
 from dacore.reduction.galerkin import Galerkin
 from dacore.reduction.greedy import Settings
 from dacore.reduction.indicator import random_tests
@@ -30,7 +32,11 @@ GRIDS = [GRID, TimeGrid(0.02, 10, spin_up=7), TimeGrid(0.02, 10, substeps=3), Ti
 
 
 def marched(start="zero", scheme=None, grid=GRID, **changes):
-    return MarchedModel(rod(**changes), grid, scheme or Newmark(), start, tolerance=1e-12)
+    model = rod(**changes)
+    if start == "warm":  # a state of its own at t = 0, on constrained dofs too, as large as the storage says
+        shape = np.cos(np.linspace(0.0, 5.0, model.space.n_dofs))
+        model = replace(model, loads=(*model.loads, Load.at_start("warm", itemgetter("storage"), 20.0 * shape)))
+    return MarchedModel(model, grid, scheme or Newmark(), "zero" if start == "warm" else start, tolerance=1e-12)
 
 
 def reduced_of(model, galerkin):
@@ -92,7 +98,7 @@ def training():
     return (model, *trained(model, tolerance=1e-5, first=1, batch=1))
 
 
-@pytest.mark.parametrize("start", ["zero", "steady"])
+@pytest.mark.parametrize("start", ["zero", "steady", "warm"])
 @pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.label)
 @pytest.mark.parametrize("grid", GRIDS, ids=["plain", "spin-up", "substeps", "graded"])
 def test_with_all_modes_the_reduced_model_is_the_full_one(start, scheme, grid):
@@ -141,20 +147,21 @@ def test_a_turned_model_is_the_projection_on_the_turned_modes():
     assert all(np.array_equal(whole.bases[name], before[name]) for name in before)
 
 
-@pytest.mark.parametrize("start", ["zero", "steady"])
+@pytest.mark.parametrize("start", ["zero", "steady", "warm"])
 @pytest.mark.parametrize("grid", GRIDS, ids=["plain", "spin-up", "substeps", "graded"])
 def test_motions_superpose_to_every_trajectory(start, grid):
     model = marched(start, grid=grid, n=15)
     samples = draw(model.parameters, 4, "uniform", 1)
     points = [model.parameters.as_mapping(row) for row in samples]
     motions = Motions(model, np.stack([model.model.amplitudes(point) for point in points], axis=1))
-    assert motions.parts.shape == (3, 2)  # the constant loads together, the varying one alone
+    # The constant loads together, each varying one alone.
+    assert motions.parts.shape == ((4, 3) if start == "warm" else (3, 2))
     solved = motions.solve(points[0])
     assert solved.states.shape == (30, len(motions.times))
     for point in points:
-        moved = {**points[0], "inflow": point["inflow"]}
-        truth = model.solve(moved).states
-        found = motions.superpose(solved, model.model.amplitudes(moved))
+        amplitudes = model.model.amplitudes(point)
+        truth = model.motions(points[0], amplitudes[:, None])[0]
+        found = motions.superpose(solved, amplitudes)
         assert np.abs(found - truth).max() < 1e-8 * np.abs(truth).max()
 
 
@@ -206,7 +213,7 @@ def test_full_and_reduced_training_give_the_same_background(training):
     assert max(reduced.background.compression.values()) <= 1e-9
 
 
-@pytest.mark.parametrize("start", ["zero", "steady"])
+@pytest.mark.parametrize("start", ["zero", "steady", "warm"])
 @pytest.mark.parametrize("grid", [TimeGrid(0.02, 12, spin_up=20), TimeGrid(0.04, 12, substeps=2, graded=3)])
 def test_what_comes_before_the_recorded_steps_is_trained_too(start, grid):
     model = marched(start, GeneralizedAlpha(0.5), grid)
@@ -334,6 +341,22 @@ def test_a_reduced_training_comes_back_from_disk(training, tmp_path):
     assert back.rounds[1].modes == reduced.rounds[1].modes
     assert np.array_equal(back.rounds[1].true, reduced.rounds[1].true)
     assert back.motions == reduced.motions == 2
+
+
+def test_an_initial_state_comes_back_from_disk_and_on_fewer_coordinates(tmp_path):
+    model = marched("warm", GeneralizedAlpha(0.5))
+    reduced, samples, _ = trained(model, tolerance=1e-4)
+    path = tmp_path / "training.h5"
+    write_reduced(reduced, path)
+    back = read_reduced(path, model, model.parameters)
+    points = [model.parameters.as_mapping(row) for row in samples]
+    assert np.array_equal(back.model.solve(points[:2]), reduced.model.solve(points[:2]))
+    fewer = coarse(reduced.model, points, 1e-4)
+    assert fewer.dimension < reduced.model.dimension
+    truth = model.solve(points[1]).states
+    for each, tolerance in ((back.model, 1e-4), (fewer, 3e-3)):
+        found = reduced.background.lift(np.tensordot(each.onto, each.solve(points[1:2]), axes=1)[:, :, 0])
+        assert relative(found - truth, truth, model).max() < tolerance
 
 
 def test_the_training_of_another_model_is_refused(training, tmp_path):

@@ -55,13 +55,14 @@ def coefficients_are_functions(stand: Stand) -> None:
 
 
 def matrices_are_free_of_parameters(stand: Stand) -> None:
-    """Coefficients and solves leave the matrices, forces and prescribed values as they are."""
+    """Coefficients and solves leave the matrices, forces, prescribed values and initial states as they are."""
     model = stand.affine
     if model is None:
         return
     arrays = {f"matrix of {term.name}": term.matrix.data for term in _terms(model)}
     arrays |= {f"force of {load.name}": load.force for load in model.loads}
     arrays |= {f"prescribed values of {load.name}": load.prescribed for load in model.loads}
+    arrays |= {f"initial state of {load.name}": load.initial for load in model.loads if load.initial is not None}
     kept = {name: array.copy() for name, array in arrays.items()}
     for theta in stand.some(2):
         stand.forward.solve(theta)
@@ -87,7 +88,7 @@ def profiles_are_functions_of_time(stand: Stand) -> None:
 
 
 def flags_fit(stand: Stand) -> None:
-    """`constrained` and `antisymmetric` are flags of all dofs, some dof is free, and flow rows have no mass."""
+    """`constrained` and `antisymmetric` flag dofs, some dof is free, flow rows have no mass, loads give something."""
     model = stand.affine
     if model is None:
         return
@@ -100,8 +101,11 @@ def flags_fit(stand: Stand) -> None:
         heavy = term.matrix[np.flatnonzero(model.antisymmetric)].nnz
         require(not heavy, f"{stand.name}: antisymmetric rows have mass in {term.name}, expected first order in time")
     for load in model.loads:
-        gives = load.force.any() or load.prescribed.any()
-        require(bool(gives), f"{stand.name}: the load {load.name} neither pushes nor prescribes anything")
+        given = [load.force, load.prescribed, *([] if load.initial is None else [load.initial])]
+        finite = all(bool(np.isfinite(each).all()) for each in given)
+        require(finite, f"{stand.name}: the load {load.name} holds NaN or infinite values")
+        gives = any(bool(each.any()) for each in given)
+        require(gives, f"{stand.name}: the load {load.name} neither pushes nor prescribes anything nor starts anywhere")
 
 
 def steps_are_symmetric(stand: Stand) -> None:

@@ -151,7 +151,8 @@ class Measurement:
                 for term in (*model.second_order, *model.first_order, *model.zeroth_order):
                     self._keep_matrix(f"matrix {term.name}", term.matrix)
                 for load in model.loads:
-                    self.arrays[f"load {load.name}"] = load.force + load.prescribed
+                    start = 0.0 if load.initial is None else load.initial
+                    self.arrays[f"load {load.name}"] = load.force + load.prescribed + start
             for field in model.space.fields:
                 self._keep_matrix(f"matrix ⟨{field.name}, {field.name}⟩", model.space.scalar_product(field.name))
             self._keep_matrix("functionals", functionals.matrix)
