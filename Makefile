@@ -27,7 +27,7 @@ export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME PETSC_DIR
 
 .DEFAULT_GOAL := help
-.PHONY: help demo paper studies studies-33k test slow verify bench check clean
+.PHONY: help demo paper studies studies-33k test slow verify bench check docs clean
 .DELETE_ON_ERROR:
 
 # Test processes already share the cores; threads of BLAS in each would only fight over them.
@@ -75,8 +75,13 @@ check: $(VENV)/.dev ## lint, format, types, and imports that point down
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports
 
+docs: $(ALL)/.docs ## build the site, tutorials executed, warnings are errors: docs/_build/html
+	@cd docs && ../$(ALL)/bin/python -m sphinx -b html -d _build/doctrees -j $(WORKERS) -q -n -W --keep-going . _build/html
+	@$(ALL)/bin/python docs/_ext/look.py docs/_build/html
+	@echo "Open docs/_build/html/index.html"
+
 clean: ## remove the virtual environments, caches and the demo's results
-	rm -rf $(VENV) $(ALL) runs/demo .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(ALL) runs/demo docs/_build docs/gallery docs/reference/api .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A stamp is written last, so that whatever was cut short is done again. An environment that works is kept:
@@ -105,6 +110,12 @@ $(ALL)/.dev: pyproject.toml $(call pyprojects,$(DEMO) $(OTHERS)) tests/environme
 	$(ALL)/bin/python $(PIP) install "$$numpy" -e '.[figures,test,dev]' $(call editable,$(DEMO))
 	@$(ALL)/bin/python $(PIP) install --no-deps $(MFEM) $(call editable,$(OTHERS))
 	@$(ALL)/bin/python tests/environment/check.py
+	@touch $@
+
+$(ALL)/.docs: $(ALL)/.dev
+	@echo "Installing the tools for the site into $(ALL)"
+	@numpy=$$($(ALL)/bin/python -c 'import numpy; print("numpy==" + numpy.__version__)') && \
+	$(ALL)/bin/python $(PIP) install "$$numpy" -e '.[docs]'
 	@touch $@
 
 # Its own pip is there, for this very version of Python, and DOLFINx can be imported.

@@ -25,7 +25,8 @@ from dacore.workflow.studies.variants import Setting
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = (ROOT / "docs/scenes.md").read_text(encoding="utf-8")
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+WRITTEN = [page for page in sorted((ROOT / "docs").rglob("*.md")) if "_build" not in page.parts]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *WRITTEN]
 TESTS = [*ROOT.glob("tests/*/test_*.py"), *ROOT.glob("plugins/*/tests/test_*.py")]
 REGISTRY = load()
 TABLES = {

@@ -1,0 +1,60 @@
+"""A folder as a reader's clone of the repository, where tutorials run: what they write stays under `docs/_build`."""
+
+import hashlib
+import os
+import sys
+from pathlib import Path
+
+_READ = ("examples", "plugins", "dacore")
+_STARTUP = """import os
+os.chdir({folder!r})
+import matplotlib
+matplotlib.rcParams["figure.dpi"] = 110
+"""
+
+
+def prepare(root: Path, build: Path) -> None:
+    """Make the folder, and have every notebook kernel start in it.
+
+    Parameters
+    ----------
+    root : Path
+        The repository.
+    build : Path
+        Where the site is built.
+    """
+    folder = _folder(build)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in _READ:
+        link = folder / name
+        if not link.is_symlink():
+            link.symlink_to(root / name)
+    startup = build / "ipython/profile_default/startup"
+    startup.mkdir(parents=True, exist_ok=True)
+    (startup / "00-clone.py").write_text(_STARTUP.format(folder=str(folder)), encoding="utf-8")
+    # Kernels on this machine's loopback need not say that they are unencrypted.
+    (build / "ipython/profile_default/ipython_kernel_config.py").write_text("c.IPKernelApp.log_level = 40\n")
+    os.environ["IPYTHONDIR"] = str(build / "ipython")
+    # `!dacore run ...` in a cell finds the command of this very environment.
+    os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+
+
+def enter(_gallery_conf: object, _file: str) -> None:
+    """Start an example of the gallery in the folder, as sphinx-gallery's reset function."""
+    os.chdir(_folder(Path(__file__).resolve().parents[1] / "_build"))
+
+
+def cache(root: Path, build: Path) -> Path:
+    """Where executed notebooks are kept: under a hash of all code they may run, so that none shows what was."""
+    digest = hashlib.sha256()
+    files = [*root.glob("dacore/**/*.py"), *root.glob("plugins/*/src/**/*.py"), *root.glob("examples/**/*.toml")]
+    for file in sorted(files):
+        digest.update(str(file.relative_to(root)).encode())
+        digest.update(file.read_bytes())
+    return build / "executed" / digest.hexdigest()[:16]
+
+
+def _folder(build: Path) -> Path:
+    return build / "clone"
