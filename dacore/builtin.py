@@ -36,6 +36,18 @@ def dacore_estimators() -> list[PluginSpec]:
 
 
 @hookimpl
+def dacore_formats() -> list[PluginSpec]:
+    """Declare what data can be read from."""
+    return [
+        PluginSpec(
+            "csv", "dacore.io.data_csv:CsvSensors", summary="values of sensors, a row a sensor or sensor and time"
+        ),
+        PluginSpec("npz", "dacore.io.data_arrays:NpzData", summary="named arrays of sensors or of an image"),
+        PluginSpec("hdf5", "dacore.io.data_arrays:Hdf5Data", summary="named arrays of sensors or of an image"),
+    ]
+
+
+@hookimpl
 def dacore_solvers() -> list[PluginSpec]:
     """Declare the linear solvers."""
     return [

@@ -87,6 +87,10 @@ class ObservationOperator(ABC):
     def functionals(self, space: StateSpace) -> Functionals:
         """Return the functionals of what is measured on `space`."""
 
+    def fingerprint(self) -> str:
+        """Hash of the content of files that the settings name; empty without any."""
+        return ""
+
     def check(self, space: StateSpace) -> None:
         """Raise CapabilityError if `space` lacks what the operator needs."""
         missing = self.needs - space.capabilities

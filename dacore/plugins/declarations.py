@@ -23,6 +23,7 @@ KINDS = {
     "quantity": "dacore_quantities",
     "estimator": "dacore_estimators",
     "solver": "dacore_solvers",
+    "format": "dacore_formats",
     "study": "dacore_studies",
 }
 

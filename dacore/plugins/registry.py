@@ -21,6 +21,7 @@ BASES = {
     "quantity": "dacore.core.quantity:QuantityOfInterest",
     "estimator": "dacore.core.estimator:Estimator",
     "solver": "dacore.core.solver:SolverMethod",
+    "format": "dacore.core.data:DataFormat",
     "study": "dacore.workflow.studies.study:Study",
 }
 

@@ -1,4 +1,4 @@
-"""The plugin door: eight hooks, each a list of declarations. Declaring imports nothing.
+"""The plugin door: nine hooks, each a list of declarations. Declaring imports nothing.
 
 A plugin is an installed distribution with an entry point in the group ``dacore`` that names a
 module. The module implements some of the hooks below and imports no solver at its top::
@@ -103,6 +103,11 @@ class Hooks:
         raise AssertionError
 
     @hookspec
+    def dacore_formats(self) -> Sequence[PluginSpec]:
+        """Readers of measured data: frozen dataclasses, subclasses of `dacore.core.data.DataFormat`."""
+        raise AssertionError
+
+    @hookspec
     def dacore_studies(self) -> Sequence[PluginSpec]:
         """Studies: frozen dataclasses, subclasses of `dacore.workflow.studies.study.Study`."""
         raise AssertionError
@@ -116,5 +121,6 @@ HOOKS = (
     "dacore_quantities",
     "dacore_estimators",
     "dacore_solvers",
+    "dacore_formats",
     "dacore_studies",
 )

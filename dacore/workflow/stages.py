@@ -212,7 +212,7 @@ def scene_pipeline(
         Stage(
             "functionals", ("model",),
             # In their order, which is that of the data.
-            {"observations": [[name, _plugin(builder, "observation", t)] for name, t in scene.observation.items()]},
+            {"observations": [[name, _observed(builder, name, t)] for name, t in scene.observation.items()]},
             lambda results, _folder: builder.functionals(results["model"].space),
             Codec(".h5", write_functionals, load_functionals, ("model",)), "what is measured",
         ),
@@ -299,6 +299,13 @@ def judges_reduction(scene: Scene) -> bool:
 
 def _plugin(builder: Builder, kind: str, table: PluginTable) -> dict[str, Any]:
     return {**_content(table), "version": builder.version_of(kind, table.kind)}
+
+
+def _observed(builder: Builder, name: str, table: PluginTable) -> dict[str, Any]:
+    """Of an observation, with the content of the files that it names."""
+    with builder.blame(f"observation.{name}"):
+        content = builder.observations[name].fingerprint()
+    return _plugin(builder, "observation", table) | ({"content": content} if content else {})
 
 
 def _content(table: PluginTable) -> dict[str, Any]:

@@ -22,7 +22,28 @@ def dacore_observations() -> list[PluginSpec]:
     """Declare what can be measured."""
     return [
         PluginSpec("voxels", "dacore_imaging.voxels:Voxels", summary="averages over image voxels, exact"),
+        PluginSpec(
+            "image",
+            "dacore_imaging.image:Image",
+            requires=("nibabel",),
+            install="pip install nibabel",
+            summary="averages over the voxels of a NIfTI image's own grid, exact",
+        ),
         PluginSpec("points", "dacore_imaging.points:PointSensors", summary="point sensors: value, derivative, kernel"),
+    ]
+
+
+@hookimpl
+def dacore_formats() -> list[PluginSpec]:
+    """Declare what data can be read from."""
+    return [
+        PluginSpec(
+            "nifti",
+            "dacore_imaging.nifti:Nifti",
+            requires=("nibabel",),
+            install="pip install nibabel",
+            summary="displacement images, one file a component or 4-D and 5-D, real or complex",
+        )
     ]
 
 

@@ -1,0 +1,55 @@
+"""Units as people write them: "mm", "µm", "value [mm]", "dyn/cm²"."""
+
+import re
+from functools import cache
+from typing import Any
+
+from dacore.errors import SceneError
+
+_HEADER = re.compile(r"\s*(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*")
+
+
+@cache
+def _registry() -> Any:
+    import pint
+
+    return pint.UnitRegistry()
+
+
+def factor(given: str, wanted: str, where: str) -> float:
+    """What a number in the unit `given` is multiplied with to be in the unit `wanted`.
+
+    Raises
+    ------
+    SceneError
+        If a unit is unknown, or measures something else.
+    """
+    if given == wanted:
+        return 1.0
+    import pint
+
+    try:
+        return float(_registry().Quantity(1.0, _plain(given)).to(_plain(wanted)).magnitude)
+    except (pint.errors.PintError, AttributeError, TypeError, ValueError, AssertionError) as error:
+        raise SceneError(f"{where}: got the unit {given!r}, expected one that converts to {wanted!r}") from error
+
+
+def split_header(text: str) -> tuple[str, str | None]:
+    """Name and unit of a column: "value [mm]" gives ("value", "mm"); the unit is None without brackets."""
+    found = _HEADER.fullmatch(text)
+    if found is None:
+        return text.strip(), None
+    unit = found["unit"]
+    return found["name"], unit.strip() if unit and unit.strip() else None
+
+
+def _plain(unit: str) -> str:
+    return unit.strip().replace("²", "^2").replace("³", "^3").replace("μ", "u").replace("µ", "u")
+
+
+def parse_quantity(text: str, wanted: str, where: str) -> float:
+    """A number with or without a unit as a number in the unit `wanted`: "0.5 ms" in "s" is 5e-4."""
+    found = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", text)
+    if found is None:
+        raise SceneError(f"{where}: got {text!r}, expected a number with or without a unit, such as '5 {wanted}'")
+    return float(found[1]) * (factor(found[2], wanted, where) if found[2] else 1.0)
