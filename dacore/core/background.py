@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dacore.core.arrays import Array, Sparse
+from dacore.core.display import Card, Displayed, Rows, count, listed, moments, unit_text
 from dacore.core.parameters import ParameterSpace
 from dacore.core.reduced import ReducedSpace
 from dacore.core.space import Product, StateSpace
@@ -43,8 +44,8 @@ class ParametricMap(ABC):
         return self
 
 
-@dataclass(frozen=True, eq=False)
-class Background:
+@dataclass(frozen=True, eq=False, repr=False)
+class Background(Displayed):
     """Compressed training set.
 
     Parameters
@@ -81,6 +82,24 @@ class Background:
         expected = (r, len(self.times), len(self.samples))
         if self.coefficients.shape != expected:
             raise ShapeError(f"training coefficients: got shape {self.coefficients.shape}, expected {expected}")
+
+    def _card(self) -> Card:
+        rows = tuple(
+            (f.name, unit_text(f.unit), count(self.bases[f.name].dimension), f"{self.compression[f.name]:.1e}")
+            for f in self.space.fields
+        )
+        return Card(
+            "Background",
+            (
+                ("training set", count(self.n_samples, "trajectory", "trajectories")),
+                ("times", moments(self.times)),
+                ("parameters", listed([each.name for each in self.parameters.free])),
+                ("product", {"l2": "L²", "h1": "H¹"}.get(self.kind, self.kind)),
+                ("degrees of freedom", count(self.space.n_dofs)),
+                ("forward map", "" if self.forward is None else "from parameters to trajectories"),
+            ),
+            (Rows(("field", "unit", "modes", "error of compression"), rows),),
+        )
 
     @property
     def dimension(self) -> int:

@@ -7,14 +7,20 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from dacore.core.arrays import Array, BoolArray, IntArray, Sparse, as_indices
+from dacore.core.arrays import Array, BoolArray, IntArray, Sparse
 from dacore.core.background import Background
+from dacore.core.checks import check_data as check_data
+from dacore.core.checks import check_mask as check_mask
+from dacore.core.checks import check_scale as check_scale
+from dacore.core.checks import observed_steps as observed_steps
+from dacore.core.display import Card, Displayed, count, moments, unit_text
 from dacore.core.fields import Layout
 from dacore.core.misfit import Misfit
 from dacore.core.noise import NoiseModel
 from dacore.core.observation import Functionals
 from dacore.core.parameters import ParameterEstimate as ParameterEstimate
 from dacore.core.quantity import QuantityOfInterest
+from dacore.core.reduced import BackgroundSpace as BackgroundSpace
 from dacore.core.uncertainty import Uncertainty as Uncertainty
 from dacore.errors import CapabilityError, ShapeError
 
@@ -34,8 +40,8 @@ class Riesz(ABC):
         """Q M⁻¹ ℓᵀ as an (s, m) array; zero where q and ℓ see no common field."""
 
 
-@dataclass(frozen=True, eq=False)
-class Estimate:
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimate(Displayed):
     """States of k series over t steps, kept as coefficients until asked for.
 
     Parameters
@@ -66,10 +72,73 @@ class Estimate:
     misfit: Misfit | None = None
     parameters: ParameterEstimate | None = None
 
+    def _card(self) -> Card:
+        space, parameters = self.background.space, self.parameters
+        size = f"{self.coefficients.shape[0]} modes"
+        if self.correction is not None:
+            size += f" and {count(len(self.correction), 'representer')}"
+        return Card(
+            "Estimate",
+            (
+                ("times", moments(self.times)),
+                ("series", count(self.n_series)),
+                ("fields", ", ".join(f"{each.name} [{unit_text(each.unit)}]" for each in space.fields)),
+                ("made of", size),
+                ("uncertainty", "none" if self.uncertainty is None else "yes"),
+                ("misfit", "" if self.misfit is None else self.misfit.verdict),
+            ),
+            () if parameters is None else parameters._card().tables,
+        )
+
     @property
     def n_series(self) -> int:
         """Number k of series."""
         return int(self.coefficients.shape[2])
+
+    @property
+    def times(self) -> Array:
+        """Times (t,) [s] of the states."""
+        return np.asarray(self.background.times[self.steps])
+
+    def nearest(self, time: float) -> int:
+        """Return which of the estimate's steps is nearest to a time.
+
+        Parameters
+        ----------
+        time : float [s]
+
+        Returns
+        -------
+        int
+            As `state` and `deviation` take it.
+        """
+        return int(np.argmin(np.abs(self.times - time)))
+
+    def field(self, name: str, series: int | slice = slice(None), step: int | slice = slice(None)) -> Array:
+        """Nodal values of one field; only that field is lifted.
+
+        Parameters
+        ----------
+        name : str
+        series, step : int or slice
+            As `state` takes them; `nearest` says which step is next to a time.
+
+        Returns
+        -------
+        (c, n_nodes, ...) array [unit of the field]
+            Component by component, with the axes left after indexing (t, k).
+
+        Raises
+        ------
+        CapabilityError
+            If the state has no such field.
+        """
+        layout = self.background.space.layout
+        components, block = layout.field(name).components, layout.block(name)
+        values = self.background.lift(self.coefficients[:, step, series], (name,))[block]
+        if self.correction is not None and self.riesz is not None:
+            values = values + self.riesz.lift(self.correction[:, step, series])[block]
+        return np.asarray(values.reshape(components, -1, *values.shape[1:]))
 
     def state(self, series: int | slice = slice(None), step: int | slice = slice(None)) -> Array:
         """Lift to states: (n_dofs, ...) with the axes left after indexing (t, k)."""
@@ -173,8 +242,8 @@ def weights_of(
     return on_modes, np.einsum("ot,sm->sotm", weights, pairing).reshape(-1, steps, pairing.shape[1])
 
 
-@dataclass(frozen=True, eq=False)
-class Readout:
+@dataclass(frozen=True, eq=False, repr=False)
+class Readout(Displayed):
     """A quantity straight from the data: gain · data + offset, for many series and at once.
 
     Parameters
@@ -195,38 +264,26 @@ class Readout:
     mask: BoolArray | None = None
 
     def __call__(self, data: Array) -> Array:
-        """Values (s, k) of data (m, t, k); ShapeError as `PreparedEstimator.estimate`."""
+        """Values (s, k) of data (m, t, k), or (m, t) of one series; ShapeError as `PreparedEstimator.estimate`."""
         s, m, t = self.gain.shape
         values = check_data(data, m, t, self.mask)
         return np.asarray(self.gain.reshape(s, m * t) @ values.reshape(m * t, -1) + self.offset[:, None])
 
 
-@dataclass(frozen=True, eq=False)
-class BackgroundSpace:
-    """A space V_n that an estimator uses, for reports: how well it approximates and how stably it is seen.
-
-    Parameters
-    ----------
-    modes : (r, N) array
-        Coefficients of the nested modes in the background's bases.
-    singular_values : (k,) array
-    tails : (N + 1,) array
-        ε̂_n for n = 0 … N.
-    inf_sup : (N,) array
-        β_n for n = 1 … N.
-    n : int
-        The dimension in use.
-    """
-
-    modes: Array
-    singular_values: Array
-    tails: Array
-    inf_sup: Array
-    n: int
-
-
-class PreparedEstimator(ABC):
+class PreparedEstimator(Displayed, ABC):
     """The offline half done: fast for any number of data sets, and nothing changes it."""
+
+    def _card(self) -> Card:
+        # What every estimator of dacore keeps, where one of somebody else's keeps it too; spaces may cost something.
+        known = vars(self)
+        background, functionals, steps = (known.get(name) for name in ("background", "functionals", "steps"))
+        facts = [("settings", f"{known['settings']!r}" if "settings" in known else "")]
+        if isinstance(functionals, Functionals):
+            facts.append(("measured", functionals._card().facts[0][1]))
+        if isinstance(background, Background):
+            times = background.times if steps is None else background.times[steps]
+            facts += [("observed times", moments(times)), ("training set", background._card().facts[0][1])]
+        return Card(type(self).__name__, tuple(facts))
 
     def spaces(self) -> tuple[BackgroundSpace, ...]:
         """Background spaces in use: one, one for each observed step, or none for an estimator without."""
@@ -244,7 +301,7 @@ class PreparedEstimator(ABC):
         Parameters
         ----------
         data : (m, t, k) array
-            Raw measured values of k series.
+            Raw measured values of k series; (m, t) of one.
         noise_scale : float or (k,) array
             Factor on the prepared noise's standard deviation, for each series; 0 means exact data.
         mask : (m,) bool array, optional
@@ -325,57 +382,3 @@ class Estimator(ABC):
             If parts of it are missing, or it is of another background.
         """
         raise CapabilityError(f"{type(self).__name__} keeps nothing of a background")
-
-
-def check_scale(noise_scale: Array | float, series: int) -> Array:
-    """Return the noise scale as (k,) numbers of 0 or more; ShapeError otherwise."""
-    scale = np.asarray(noise_scale, dtype=np.float64)
-    if scale.shape not in ((), (series,)) or not (np.isfinite(scale).all() and (scale >= 0).all()):
-        raise ShapeError(
-            f"noise_scale: got {noise_scale}, expected one finite number of 0 or more, or {series} of them"
-        )
-    return np.broadcast_to(scale, (series,))
-
-
-def observed_steps(background: Background, steps: IntArray | None) -> IntArray:
-    """Return which of the background's times are observed, all for None; ShapeError if they are none or not its own."""
-    count = len(background.times)
-    if steps is None:
-        return np.arange(count)
-    chosen = as_indices("steps", steps, (None,), count)
-    if len(chosen) == 0 or len(np.unique(chosen)) < len(chosen):
-        raise ShapeError(f"steps: got {len(chosen)}, expected at least one of {count} and none twice")
-    return chosen
-
-
-def check_mask(mask: BoolArray | None, m: int) -> BoolArray | None:
-    """Return `mask` as (m,) booleans, None if it leaves everything; ShapeError if it is no mask or leaves nothing."""
-    if mask is None:
-        return None
-    flags = np.asarray(mask)
-    # Integers would select functionals by number instead of switching them off.
-    if flags.dtype != np.bool_ or flags.shape != (m,):
-        raise ShapeError(
-            f"mask: got {flags.dtype} of shape {flags.shape}, expected True or False for each of {m} functionals"
-        )
-    if not flags.any():
-        raise ShapeError(f"mask: leaves none of {m} functionals; expected at least one")
-    return None if flags.all() else flags
-
-
-def check_data(data: Array, m: int, t: int, mask: BoolArray | None = None) -> Array:
-    """Return `data` as a finite float64 array (m, t, k), zero where masked; ShapeError says what is wrong."""
-    given = np.asarray(data)
-    if given.ndim != 3 or given.shape[:2] != (m, t):
-        raise ShapeError(f"data: got shape {given.shape}, expected ({m}, {t}, any) = (functionals, steps, series)")
-    if not (np.issubdtype(given.dtype, np.floating) or np.issubdtype(given.dtype, np.integer)):
-        raise ShapeError(
-            f"data: got values of type {given.dtype}, expected real numbers; of phasors, give the values at each step"
-        )
-    array = np.asarray(given, dtype=np.float64)
-    if mask is not None:
-        array = np.where(mask[:, None, None], array, 0.0)
-    if not np.isfinite(array).all():
-        bad = int((~np.isfinite(array)).any(axis=(1, 2)).sum())
-        raise ShapeError(f"data: {bad} of {m} functionals hold NaN or infinite values; leave them out with a mask")
-    return array

@@ -7,6 +7,7 @@ from scipy.sparse import csr_array
 
 from dacore.core.arrays import Array, Sparse
 from dacore.core.discretization import Discretization
+from dacore.core.display import Card, count
 from dacore.core.fields import Layout
 from dacore.core.space import CellGeometry, Product, StateSpace
 from dacore.errors import ShapeError
@@ -23,6 +24,12 @@ class FiniteElementSpace(StateSpace):
     def __init__(self, discretization: Discretization) -> None:
         self.discretization = discretization
         self._products: dict[tuple[int, Product], Sparse] = {}
+
+    def _card(self) -> Card:
+        card, mesh = super()._card(), self.discretization.mesh
+        library = type(self.discretization.backend).__name__
+        about = ("mesh", f"{count(len(mesh.points), 'node')}, {count(len(mesh.cells), 'cell')}"), ("backend", library)
+        return Card(card.title, (*card.facts, *about), card.tables)
 
     @cached_property
     def layout(self) -> Layout:

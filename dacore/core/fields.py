@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from dacore.core.display import Card, Displayed, Rows, count, unit_text
 from dacore.errors import CapabilityError, ShapeError
 
 
@@ -36,8 +37,8 @@ class Field:
             raise ShapeError(f"field {self.name}: got element order {self.order}, expected 1 or 2")
 
 
-@dataclass(frozen=True)
-class Layout:
+@dataclass(frozen=True, repr=False)
+class Layout(Displayed):
     """The canonical dof order: field by field, component by component, node by node.
 
     Parameters
@@ -56,6 +57,14 @@ class Layout:
             raise ShapeError(f"fields: got {names}, expected at least one and no name twice")
         object.__setattr__(self, "fields", tuple(fields))
         object.__setattr__(self, "nodes", {name: int(nodes[name]) for name in names})
+
+    def _card(self) -> Card:
+        rows = tuple(
+            (each.name, unit_text(each.unit), str(each.components), str(each.order), count(self.nodes[each.name]))
+            for each in self.fields
+        )
+        table = Rows(("field", "unit", "components", "order", "nodes"), rows)
+        return Card("Layout", (("degrees of freedom", count(self.n_dofs)),), (table,))
 
     @property
     def n_dofs(self) -> int:

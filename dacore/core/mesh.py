@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dacore.core.arrays import Array, IntArray, as_array, as_indices, check_shape
+from dacore.core.display import Card, Displayed, count
 from dacore.core.simplex import barycentric_gradients, local_edges
 from dacore.errors import MeshError, ShapeError
 
 
-@dataclass(frozen=True, eq=False)
-class Mesh:
+@dataclass(frozen=True, eq=False, repr=False)
+class Mesh(Displayed):
     """Triangles or tetrahedra, and the role of each boundary facet.
 
     Parameters
@@ -122,6 +123,16 @@ class Mesh:
         for role, tag in self.roles.items():
             if not (self.facet_tags == tag).any():
                 raise MeshError(f"mesh role {role!r}: no boundary facet has its tag {tag}")
+
+    def _card(self) -> Card:
+        low, high = self.points.min(axis=0), self.points.max(axis=0)
+        extent = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=False))
+        cell, cells, side = ("triangle", "", "edge") if self.dim == 2 else ("tetrahedron", "tetrahedra", "facet")
+        boundary = ", ".join(
+            f"{role} ({count(int((self.facet_tags == tag).sum()), side)})" for role, tag in self.roles.items()
+        )
+        size = f"{count(len(self.points), 'node')}, {count(len(self.cells), cell, cells)}"
+        return Card("Mesh", (("size", size), ("extent [cm]", extent), ("boundary", boundary)))
 
     @property
     def dim(self) -> int:

@@ -6,14 +6,15 @@ import numpy as np
 from scipy.stats import chi2
 
 from dacore.core.arrays import Array, BoolArray
+from dacore.core.display import Card, Displayed, count
 
 # Nominal share of false alarms among series whose model and noise are right. Distributions are matched to what few
 # training samples show: with 20 of them and next to no noise a few in a hundred are false, with 100 one in a thousand.
 ALARM = 1e-4
 
 
-@dataclass(frozen=True, eq=False)
-class Misfit:
+@dataclass(frozen=True, eq=False, repr=False)
+class Misfit(Displayed):
     """Squared residuals in units of their expected deviation, series by series.
 
     Parameters
@@ -26,6 +27,21 @@ class Misfit:
 
     statistic: Array
     freedom: Array
+
+    def _card(self) -> Card:
+        return Card("Misfit", (("series", count(len(self.statistic))), ("verdict", self.verdict)))
+
+    @property
+    def verdict(self) -> str:
+        """What it says in a few words."""
+        ratio, alarms, series = self.ratio, int(self.alarm.sum()), len(self.statistic)
+        if series == 1:
+            found = "the data contradict the model or the noise" if alarms else "no alarm"
+            return f"{found}: residuals {ratio[0]:.3g} times what is expected"
+        found = f"{alarms} alarms" if alarms != 1 else "1 alarm"
+        return (
+            f"{found} of {series} series: residuals {np.median(ratio):.3g} (at most {ratio.max():.3g}) times expected"
+        )
 
     @property
     def ratio(self) -> Array:

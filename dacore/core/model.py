@@ -9,6 +9,7 @@ from scipy.sparse import csr_array
 
 from dacore.core.arrays import Array, BoolArray, Sparse
 from dacore.core.discretization import Discretization
+from dacore.core.display import Card, Displayed, count, listed, moments
 from dacore.core.fields import Field
 from dacore.core.parameters import Parameters, ParameterSpace
 from dacore.core.space import StateSpace
@@ -20,8 +21,8 @@ Caution = Callable[[ParameterSpace, float], str]
 Discretize = Callable[[Sequence[Field]], Discretization]
 
 
-@dataclass(frozen=True, eq=False)
-class Trajectory:
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory(Displayed):
     """States over time.
 
     Parameters
@@ -33,8 +34,11 @@ class Trajectory:
     states: Array
     times: Array
 
+    def _card(self) -> Card:
+        return Card("Trajectory", (("times", moments(self.times)), ("degrees of freedom", count(len(self.states)))))
 
-class ForwardModel(ABC):
+
+class ForwardModel(Displayed, ABC):
     """Parameters in, trajectory out."""
 
     @property
@@ -57,8 +61,8 @@ class ForwardModel(ABC):
         """Solve for one parameter vector; ConvergenceError if the solver fails."""
 
 
-@dataclass(frozen=True, eq=False)
-class AffineTerm:
+@dataclass(frozen=True, eq=False, repr=False)
+class AffineTerm(Displayed):
     """coefficient(θ) · matrix: one term of an affine operator.
 
     Parameters
@@ -75,8 +79,8 @@ class AffineTerm:
     coefficient: Coefficient
 
 
-@dataclass(frozen=True, eq=False)
-class Load:
+@dataclass(frozen=True, eq=False, repr=False)
+class Load(Displayed):
     """One cause of motion; the state is linear in its amplitude.
 
     It pushes and prescribes as time goes on, or it is there at t = 0 only: a state to start from
@@ -112,8 +116,8 @@ class Load:
         return cls(name, amplitude, at_start, none, none, state)
 
 
-@dataclass(frozen=True, eq=False)
-class AffineModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class AffineModel(Displayed):
     """M(θ) ÿ + C(θ) ẏ + A(θ) y = F(t; θ), affine in functions of θ, linear in its loads.
 
     It knows no time stepping: `dacore.dynamics` marches it, reduces it and superposes its loads.
@@ -167,6 +171,21 @@ class AffineModel:
                     f"load {load.name}: got an initial state and a force or prescribed values, expected one of them; "
                     "make two loads with the same amplitude"
                 )
+
+    def _card(self) -> Card:
+        free = self.parameters.free
+        return Card(
+            "AffineModel",
+            (
+                ("fields", listed([each.name for each in self.space.fields])),
+                ("degrees of freedom", f"{count(self.space.n_dofs)}, {count(int(self.constrained.sum()))} prescribed"),
+                ("free parameters", listed([each.name for each in free])),
+                ("second order", listed([each.name for each in self.second_order])),
+                ("first order", listed([each.name for each in self.first_order])),
+                ("zeroth order", listed([each.name for each in self.zeroth_order])),
+                ("loads", listed([each.name for each in self.loads])),
+            ),
+        )
 
     def amplitudes(self, parameters: Parameters) -> Array:
         """Amplitude (n_loads,) of each load at θ."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dacore.core.arrays import Array, BoolArray
+from dacore.core.display import Displayed
 from dacore.errors import ShapeError
 
 
@@ -78,8 +79,8 @@ class WhiteNoise(NoiseModel):
         return self
 
 
-@dataclass(frozen=True, eq=False)
-class SensorNoise(NoiseModel):
+@dataclass(frozen=True, eq=False, repr=False)
+class SensorNoise(Displayed, NoiseModel):
     """Independent noise with a standard deviation for each functional.
 
     Parameters
@@ -109,7 +110,7 @@ class SensorNoise(NoiseModel):
         return SensorNoise(self.sigmas[mask])
 
 
-class CorrelatedNoise(NoiseModel):
+class CorrelatedNoise(Displayed, NoiseModel):
     """Noise with a full covariance between the functionals.
 
     Parameters

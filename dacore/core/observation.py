@@ -8,12 +8,13 @@ from typing import ClassVar
 import numpy as np
 
 from dacore.core.arrays import Array, IntArray, Sparse
+from dacore.core.display import Card, Displayed, count, listed, unit_text
 from dacore.core.space import StateSpace
 from dacore.errors import CapabilityError, ShapeError
 
 
-@dataclass(frozen=True, eq=False)
-class Functionals:
+@dataclass(frozen=True, eq=False, repr=False)
+class Functionals(Displayed):
     """Linear functionals of a state, with what a plot needs to know of them.
 
     Parameters
@@ -61,6 +62,35 @@ class Functionals:
             raise ShapeError(
                 f"functionals: {empty.size} see nothing of the state (first: {self.labels[empty[0]]}); leave them out"
             )
+
+    def _card(self) -> Card:
+        centres = np.asarray(self.centres)
+        extent = ", ".join(
+            f"{axis} {low:.4g} to {high:.4g}"
+            for axis, low, high in zip("xyz", centres.min(axis=0), centres.max(axis=0), strict=False)
+        )
+        places = count(self.n_sites, "voxel" if self.spacing else "place")
+        return Card(
+            "Functionals",
+            (
+                ("number", f"{count(self.count)} at {places}"),
+                ("unit", unit_text(self.unit)),
+                ("directions", listed(self._kinds())),
+                ("extent [cm]", extent),
+                ("voxel [cm]", " × ".join(f"{edge:.4g}" for edge in self.spacing)),
+                ("left out", count(self.dropped, "place") + " outside" if self.dropped else ""),
+            ),
+        )
+
+    def _kinds(self) -> list[str]:
+        """Directions that are measured, each once: axes by their letter."""
+        found = []
+        for direction in np.unique(np.round(np.asarray(self.directions, dtype=np.float64), 9) + 0.0, axis=0):
+            axis = np.flatnonzero(direction)
+            plain = len(axis) == 1 and direction[axis[0]] == 1.0 and axis[0] < 3
+            shown = "xyz"[axis[0]] if plain else f"({', '.join(f'{each:.3g}' for each in direction)})"
+            found.append("none (scalar)" if not len(axis) else shown)
+        return sorted(found)
 
     @property
     def count(self) -> int:

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from dacore.core.arrays import Array
+from dacore.core.display import Card, Displayed, Rows, count, number, unit_text
 from dacore.errors import ShapeError
 
 Sampling = Literal["uniform", "latin_hypercube", "sobol"]
@@ -56,8 +57,8 @@ class Parameter:
         return np.asarray(self.low + (self.high - self.low) * unit_interval)
 
 
-@dataclass(frozen=True)
-class ParameterSpace:
+@dataclass(frozen=True, repr=False)
+class ParameterSpace(Displayed):
     """All parameters of a model, in a fixed order.
 
     Parameters
@@ -66,6 +67,16 @@ class ParameterSpace:
     """
 
     parameters: tuple[Parameter, ...]
+
+    def _card(self) -> Card:
+        rows = tuple(
+            (p.name, unit_text(p.unit), number(p.low), "", "fixed")
+            if p.fixed
+            else (p.name, unit_text(p.unit), number(p.low), number(p.high), p.distribution.replace("_", " "))
+            for p in (*self.free, *(p for p in self.parameters if p.fixed))
+        )
+        facts = (("parameters", f"{count(len(self.parameters))}, {count(len(self.free))} of them free"),)
+        return Card("ParameterSpace", facts, (Rows(("name", "unit", "low", "high", "law"), rows),))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -141,8 +152,8 @@ class ParameterSpace:
         return {name: float(value) for name, value in zip(self.names, values, strict=True)}
 
 
-@dataclass(frozen=True, eq=False)
-class ParameterEstimate:
+@dataclass(frozen=True, eq=False, repr=False)
+class ParameterEstimate(Displayed):
     """What was found of a model's parameters, beside the state.
 
     Parameters
@@ -159,6 +170,18 @@ class ParameterEstimate:
     values: Array
     covariance: Array
     prior: Array
+
+    def _card(self) -> Card:
+        series = self.values.shape[1]
+        deviation, learned = self.deviation, np.clip(self.learned, 0.0, 1.0)
+        middle = [np.median(each, axis=1) for each in (self.values, deviation, learned)]
+        rows = tuple(
+            (name, f"{value:.4g} ± {spread:.2g}", f"{prior:.2g}", f"{100 * share:.0f}%")
+            for name, value, spread, prior, share in zip(self.names, *middle[:2], self.prior, middle[2], strict=True)
+        )
+        value = "value" if series == 1 else f"median of {series} series"
+        table = Rows(("parameter", f"{value} ± deviation", "deviation before", "variance learned"), rows)
+        return Card("ParameterEstimate", (("series", count(series)),), (table,))
 
     @property
     def deviation(self) -> Array:

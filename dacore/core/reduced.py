@@ -1,15 +1,16 @@
-"""A reduced space: an orthonormal basis in a stated inner product."""
+"""A reduced space: an orthonormal basis in a stated inner product; and what is told of one in use."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from dacore.core.arrays import Array, Sparse
+from dacore.core.display import Card, Displayed
 from dacore.errors import AccuracyError, ShapeError
 
 
-@dataclass(frozen=True, eq=False)
-class ReducedSpace:
+@dataclass(frozen=True, eq=False, repr=False)
+class ReducedSpace(Displayed):
     """Span of orthonormal modes.
 
     Parameters
@@ -73,3 +74,38 @@ def relative_tails(singular_values: Array) -> Array:
     squares = np.asarray(singular_values) ** 2
     tail = np.append(np.cumsum(squares[::-1])[::-1], 0.0)
     return np.sqrt(tail / tail[0]) if tail[0] > 0 else tail
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BackgroundSpace(Displayed):
+    """A space V_n that an estimator uses, for reports: how well it approximates and how stably it is seen.
+
+    Parameters
+    ----------
+    modes : (r, N) array
+        Coefficients of the nested modes in the background's bases.
+    singular_values : (k,) array
+    tails : (N + 1,) array
+        ε̂_n for n = 0 … N.
+    inf_sup : (N,) array
+        β_n for n = 1 … N.
+    n : int
+        The dimension in use.
+    """
+
+    modes: Array
+    singular_values: Array
+    tails: Array
+    inf_sup: Array
+    n: int
+
+    def _card(self) -> Card:
+        seen = self.n and self.n <= len(self.inf_sup)
+        return Card(
+            "BackgroundSpace",
+            (
+                ("dimension", f"{self.n} of at most {len(self.inf_sup)}"),
+                ("tail", f"{self.tails[self.n]:.2e}" if self.n < len(self.tails) else ""),
+                ("stability", f"{self.inf_sup[self.n - 1]:.2e}" if seen else ""),
+            ),
+        )

@@ -9,14 +9,15 @@ import numpy as np
 from scipy.sparse import block_diag, coo_array, csr_array
 
 from dacore.core.arrays import Array, IntArray, Sparse
+from dacore.core.display import Card, Displayed
 from dacore.core.fields import Field, Layout
 from dacore.errors import CapabilityError, ShapeError
 
 Product = Literal["l2", "h1"]
 
 
-@dataclass(frozen=True, eq=False)
-class CellGeometry:
+@dataclass(frozen=True, eq=False, repr=False)
+class CellGeometry(Displayed):
     """The cells of a state's domain and the polynomials on them: what exact averages need.
 
     Parameters
@@ -38,12 +39,17 @@ class CellGeometry:
     orders: Mapping[str, int]
 
 
-class StateSpace(ABC):
+class StateSpace(Displayed, ABC):
     """A finite-dimensional space of states with named fields.
 
     A state is a column (n_dofs,) in the order of `layout`. Inner products act component by
     component, so one scalar matrix for each field says everything about them.
     """
+
+    def _card(self) -> Card:
+        layout = self.layout._card()
+        offers = ", ".join(sorted(self.capabilities)) or "none"
+        return Card(type(self).__name__, (*layout.facts, ("capabilities", offers)), layout.tables)
 
     @property
     @abstractmethod

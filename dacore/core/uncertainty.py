@@ -6,12 +6,13 @@ import numpy as np
 from scipy.stats import norm
 
 from dacore.core.arrays import Array
+from dacore.core.display import Displayed
 
 # Functionals whose weights on whole trajectories are held at once.
 _PORTION = 64
 
 
-class Uncertainty(ABC):
+class Uncertainty(Displayed, ABC):
     """Covariance of the error of an estimate."""
 
     @abstractmethod

@@ -10,6 +10,7 @@ import numpy as np
 from dacore.algebra.linear_solver import prepared
 from dacore.algebra.solvers import Auto
 from dacore.core.arrays import Array, check_shape
+from dacore.core.display import Card, Displayed, count, listed, moments
 from dacore.core.model import AffineModel, ForwardModel, Trajectory
 from dacore.core.parameters import Parameters, ParameterSpace
 from dacore.core.solver import LinearSolver, SolverMethod
@@ -24,8 +25,8 @@ from dacore.errors import ShapeError
 Start = Literal["zero", "steady"]
 
 
-@dataclass(frozen=True, eq=False)
-class Responses:
+@dataclass(frozen=True, eq=False, repr=False)
+class Responses(Displayed):
     """The motion each load causes alone, per unit of its amplitude.
 
     Parameters
@@ -115,6 +116,24 @@ class MarchedModel(ForwardModel):
     def __reduce__(self) -> tuple[Any, ...]:
         settings = (self.model, self.grid, self.scheme, self.start, self.method, self.tolerance)
         return MarchedModel, (*settings, self.analysis)
+
+    def _card(self) -> Card:
+        grid, space = self.grid, self.space
+        start = f"{'at rest from zero' if self.start == 'zero' else 'steady'}"
+        parts = "" if grid.substeps == 1 else f", each in {grid.substeps} parts"
+        return Card(
+            "MarchedModel",
+            (
+                ("fields", listed([each.name for each in space.fields])),
+                ("degrees of freedom", count(space.n_dofs)),
+                ("times", moments(grid.times) + parts),
+                ("scheme", self.scheme.label),
+                ("start", start),
+                ("solver", type(self.method).__name__),
+                ("free parameters", listed([each.name for each in self.parameters.free])),
+                ("loads", listed([each.name for each in self.model.loads])),
+            ),
+        )
 
     @property
     def space(self) -> StateSpace:

@@ -316,7 +316,7 @@ def test_nested_selection_takes_the_smallest_bound():
     assert prepared.dimensions[0] == np.argmin(exact) + 1
 
 
-@pytest.mark.parametrize("shape", [(11, 5), (10, 5, 1), (11, 4, 1)])
+@pytest.mark.parametrize("shape", [(11,), (10, 5), (10, 5, 1), (11, 4, 1)])
 def test_data_of_the_wrong_shape_are_refused(shape):
     _, _, background, functionals = setting(1)
     with pytest.raises(ShapeError, match="data: got shape"):

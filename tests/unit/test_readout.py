@@ -75,11 +75,20 @@ def test_wrong_data_are_refused_as_by_estimate(stand):
     ready = ESTIMATORS["mv"].prepare(background, functionals, WhiteNoise()).readout(Weighted(rows))
     spoiled = data.copy()
     spoiled[0, 0, 0] = np.nan
-    for wrong in (data[1:], data[:, :, 0], spoiled):
+    for wrong in (data[1:], data[:, 0, 0], spoiled):
         with pytest.raises(ShapeError, match="data"):
             ready(wrong)
     with pytest.raises(ShapeError, match="noise_scale"):
         ESTIMATORS["mv"].prepare(background, functionals, WhiteNoise()).readout(Weighted(rows), -1.0)
+
+
+@pytest.mark.parametrize("name", list(ESTIMATORS))
+def test_data_of_one_series_need_no_axis_of_series(stand, name):
+    background, functionals, data, rows = stand
+    prepared = ESTIMATORS[name].prepare(background, functionals, WhiteNoise())
+    flat, whole = prepared.estimate(data[:, :, 1], 0.1), prepared.estimate(data[:, :, 1:2], 0.1)
+    assert flat.n_series == 1
+    np.testing.assert_array_equal(flat.coefficients, whole.coefficients)
 
 
 def test_an_estimator_without_a_readout_says_what_to_do(stand):

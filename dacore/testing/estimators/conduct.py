@@ -69,7 +69,7 @@ def wrong_data_are_refused(bench: Bench) -> None:
     asked: dict[str, Callable[[], object]] = {
         "one functional too few": lambda: estimate(data[1:]),
         "one step too few": lambda: estimate(data[:, 1:]),
-        "data without an axis of series": lambda: estimate(data[:, :, 0]),
+        "data without axes of steps and series": lambda: estimate(data[:, 0, 0]),
         "NaN in the data": lambda: estimate(spoiled),
         "a negative noise scale": lambda: estimate(data, -1.0),
         "a noise scale of NaN": lambda: estimate(data, np.nan),
