@@ -71,11 +71,14 @@ class Card:
         Names and values; a fact without a value is left out.
     tables : tuple of Rows
         Those without rows are left out.
+    notebook : tuple of Rows
+        Tables too long for a terminal.
     """
 
     title: str
     facts: tuple[tuple[str, str], ...] = ()
     tables: tuple[Rows, ...] = ()
+    notebook: tuple[Rows, ...] = ()
 
     def text(self) -> str:
         """One line if it fits, else a line for each fact and each row."""
@@ -96,7 +99,7 @@ class Card:
             if value
         )
         facts = f'<table style="{_TABLE}"><tbody>{rows}</tbody></table>' if rows else ""
-        tables = "".join(table.html() for table in self.tables if table.rows)
+        tables = "".join(table.html() for table in (*self.tables, *self.notebook) if table.rows)
         return f'<div style="overflow-x:auto"><strong>{escape(self.title)}</strong>{facts}{tables}</div>'
 
 
@@ -163,6 +166,25 @@ def number(value: float) -> str:
     """
     mantissa, exponent, power = (f"{value:.6g}" if abs(value) != 1e5 else "1e5").partition("e")
     return f"{mantissa}e{int(power)}" if exponent else mantissa
+
+
+def percent(value: float) -> str:
+    """A relative error as a percentage of two digits: "0.13%", "12%", "4200%", and "–" for NaN.
+
+    Parameters
+    ----------
+    value : float
+
+    Returns
+    -------
+    str
+    """
+    if value != value:
+        return "–"
+    mantissa, exponent, power = f"{100 * value:.1e}".partition("e")
+    if value == 0 or -3 <= int(power) < 5:
+        return f"{float(mantissa + exponent + power):g}%"
+    return f"{float(mantissa):g}e{int(power)}%"
 
 
 def listed(names: Sequence[str], most: int = 8) -> str:

@@ -28,6 +28,22 @@ class QuantityOfInterest(ABC):
     def functionals(self, space: StateSpace) -> Functionals:
         """Functionals in space."""
 
+    def of(self, states: Array, space: StateSpace) -> Array:
+        """Values of a trajectory itself, as `Estimate.quantity` gives those of an estimate.
+
+        Parameters
+        ----------
+        states : (n_dofs, t) array
+        space : StateSpace
+            The states are of.
+
+        Returns
+        -------
+        (s,) array [unit of the quantity]
+            s counts its functionals times its outputs in time.
+        """
+        return np.asarray(self.functionals(space)(states) @ self.time_weights(states.shape[1]).T).reshape(-1)
+
     def time_weights(self, n_steps: int) -> Array:
         """Weights (outputs, t): one row of 1/t for "mean", the identity for "each"."""
         return np.full((1, n_steps), 1.0 / n_steps) if self.over_time == "mean" else np.eye(n_steps)

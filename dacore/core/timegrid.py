@@ -7,6 +7,19 @@ import numpy as np
 from dacore.core.arrays import Array, BoolArray
 from dacore.errors import ShapeError
 
+_UNITS = ((1 / 604800, "week"), (1 / 86400, "day"), (1 / 3600, "h"), (1.0, "s"), (1e3, "ms"), (1e6, "µs"))
+
+
+def time_unit(seconds: float) -> tuple[float, str]:
+    """Return the unit that suits times up to `seconds`, and how many of it a second is.
+
+    Units longer than a second suit only what lasts some of them.
+    """
+    for factor, unit in _UNITS:
+        if abs(seconds) * factor >= (4.0 if factor < 1 else 1.0):
+            return factor, unit
+    return 1.0, "s"
+
 
 @dataclass(frozen=True)
 class TimeGrid:

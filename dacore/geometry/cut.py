@@ -7,6 +7,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dacore.core.arrays import Array, BoolArray, IntArray, Sparse
+from dacore.core.display import Displayed
 from dacore.core.simplex import barycentric_gradients, lagrange
 from dacore.errors import ShapeError
 
@@ -14,8 +15,8 @@ from dacore.errors import ShapeError
 _SNAP = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
-class PlaneCut:
+@dataclass(frozen=True, eq=False, repr=False)
+class PlaneCut(Displayed):
     """A triangulated slice of a mesh. Every triangle lies in one cell, so P1 fields are linear on it.
 
     Parameters

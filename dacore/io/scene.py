@@ -12,7 +12,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from dacore.core.display import Card, Displayed
 from dacore.errors import SceneError
+from dacore.io.scene_card import scene_card
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
@@ -189,7 +191,7 @@ class Views(Table):
     published: list[Published] = []
 
 
-class Scene(Table):
+class Scene(Displayed, Table):
     """A whole scene.
 
     Attributes
@@ -223,6 +225,11 @@ class Scene(Table):
     validation: Validation = Validation()
     study: Mapping[Name, PluginTable] = {}
     report: Views = Views()
+
+    def _card(self) -> Card:
+        return scene_card(self)
+
+    __str__ = Displayed.__repr__
 
     @model_validator(mode="after")
     def _asked(self) -> "Scene":

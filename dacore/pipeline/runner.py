@@ -114,6 +114,16 @@ class Runner:
         stage = self.pipeline[name]
         return self._anew(name) or not (stage.codec and self.path(stage).exists())
 
+    def state(self, name: str) -> str:
+        """Say how far a stage is, and make or read nothing: "made", "kept", "3 of 16 done" or "not yet"."""
+        stage = self.pipeline[name]
+        if name in self._results:
+            return "made"
+        if not self.needed(name):
+            return "kept"
+        done = 0 if self._anew(name) else self._pieces(stage)
+        return f"{min(done, stage.pieces)} of {stage.pieces} done" if done else "not yet"
+
     def renewed(self, names: Iterable[str]) -> None:
         """Hear that the results of these stages were made and kept elsewhere, so that they are read."""
         self._renewed.update(names)

@@ -8,6 +8,7 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
+from dacore.core.display import Card, Displayed, Rows, count
 from dacore.errors import DacoreError, MissingDependencyError, PluginError
 from dacore.plugins.declarations import KINDS, Declaration, Failure, one_line, read
 from dacore.plugins.modules import available
@@ -52,8 +53,8 @@ class Row:
     summary: str
 
 
-@dataclass(frozen=True)
-class Registry:
+@dataclass(frozen=True, repr=False)
+class Registry(Displayed):
     """Declarations that can be used and failures that cannot.
 
     Parameters
@@ -65,6 +66,16 @@ class Registry:
 
     declarations: tuple[Declaration, ...]
     failures: tuple[Failure, ...] = ()
+
+    def _card(self) -> Card:
+        names = {kind: ", ".join(spec.name for spec in self.specs(kind)) for kind in KINDS}
+        facts = (
+            ("plugins", count(len(self.declarations))),
+            *((kind, found) for kind, found in names.items()),
+            ("refused", count(len(self.failures)) if self.failures else ""),
+        )
+        rows = tuple((row.kind, row.name, row.distribution, row.status, row.summary) for row in self.table())
+        return Card("Registry", facts, notebook=(Rows(("kind", "name", "package", "status", "what it is"), rows),))
 
     def specs(self, kind: str) -> tuple[PluginSpec, ...]:
         """Return what is declared of a kind, sorted by name, whether or not its libraries are installed.

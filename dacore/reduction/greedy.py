@@ -13,6 +13,7 @@ import numpy as np
 
 from dacore.algebra.pod import pod
 from dacore.core.arrays import Array, IntArray, Sparse
+from dacore.core.display import Displayed
 from dacore.core.model import Trajectory
 from dacore.core.parameters import ParameterSpace
 from dacore.core.space import Product
@@ -78,8 +79,8 @@ class Settings:
             )
 
 
-@dataclass(frozen=True, eq=False)
-class Round:
+@dataclass(frozen=True, eq=False, repr=False)
+class Round(Displayed):
     """What one round of the greedy found.
 
     Parameters
@@ -101,8 +102,8 @@ class Round:
     worst: Array
 
 
-@dataclass(frozen=True, eq=False)
-class ReducedTraining:
+@dataclass(frozen=True, eq=False, repr=False)
+class ReducedTraining(Displayed):
     """A trained reduced model and how it came about.
 
     Parameters

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dacore.core.arrays import Array
+from dacore.core.display import Displayed
 from dacore.core.model import AffineModel
 from dacore.core.parameters import Parameters
 from dacore.dynamics.march import MarchedModel
@@ -15,8 +16,8 @@ from dacore.reduction.march import ReducedMarch
 from dacore.reduction.split import amplitudes_of, coefficients_of
 
 
-@dataclass(frozen=True, eq=False)
-class ReducedModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class ReducedModel(Displayed):
     """An affine model projected on its modes, its scheme and its time grid.
 
     A reduced state holds the coefficients of the modes, fields one after the other, and the factors of the

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from dacore.core.arrays import Array, IntArray
 from dacore.core.background import Background
+from dacore.core.display import Displayed
 from dacore.core.model import ForwardModel, Trajectory
 from dacore.core.parameters import ParameterSpace
 from dacore.dynamics.march import MarchedModel
@@ -18,8 +19,8 @@ from dacore.reduction.split import amplitudes_of
 Solve = Callable[[ForwardModel, Sequence[int]], Sequence[Trajectory]]
 
 
-@dataclass(frozen=True, eq=False)
-class Reduced:
+@dataclass(frozen=True, eq=False, repr=False)
+class Reduced(Displayed):
     """What reduced training leaves behind.
 
     Parameters

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.stats import binom, kstest, norm
 
 from dacore.core.arrays import Array, IntArray
+from dacore.core.display import Displayed
 from dacore.errors import ShapeError
 from dacore.studies.classification import Proportion
 
@@ -20,8 +21,8 @@ LEVELS = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
 _FINE = 2000
 
 
-@dataclass(frozen=True, eq=False)
-class Coverage:
+@dataclass(frozen=True, eq=False, repr=False)
+class Coverage(Displayed):
     """How often central intervals hold the truth.
 
     Parameters
@@ -77,8 +78,8 @@ class Coverage:
         return float(np.abs(self.empirical - self.levels).mean())
 
 
-@dataclass(frozen=True, eq=False)
-class Calibration:
+@dataclass(frozen=True, eq=False, repr=False)
+class Calibration(Displayed):
     """How honest the uncertainty of one number is.
 
     Parameters

@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 from scipy.stats import norm, rankdata
 
 from dacore.core.arrays import Array, BoolArray
+from dacore.core.display import Displayed
 from dacore.errors import ShapeError
 
 Range = tuple[float, float]
@@ -60,8 +61,8 @@ class Proportion:
         return f"{self.count} of {self.total}"
 
 
-@dataclass(frozen=True, eq=False)
-class OperatingCurve:
+@dataclass(frozen=True, eq=False, repr=False)
+class OperatingCurve(Displayed):
     """Rates against each other as the threshold falls (receiver operating characteristic).
 
     Parameters
@@ -114,8 +115,8 @@ class Rule:
         return self.sensitivity.value + self.specificity.value - 1.0
 
 
-@dataclass(frozen=True, eq=False)
-class Classification:
+@dataclass(frozen=True, eq=False, repr=False)
+class Classification(Displayed):
     """What a number says about two groups.
 
     Parameters

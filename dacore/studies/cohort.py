@@ -13,6 +13,7 @@ import numpy as np
 
 from dacore.core.arrays import Array, IntArray
 from dacore.core.background import Background, ParametricMap
+from dacore.core.display import Displayed
 from dacore.core.parameters import ParameterSpace
 from dacore.errors import ShapeError
 
@@ -35,8 +36,8 @@ class Group:
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, eq=False)
-class Patients:
+@dataclass(frozen=True, eq=False, repr=False)
+class Patients(Displayed):
     """Who is measured.
 
     Parameters
@@ -116,8 +117,8 @@ def draw_patients(parameters: ParameterSpace, groups: Sequence[Group], counts: S
     return Patients(tuple(groups), which, number, np.stack(rows), seed)
 
 
-@dataclass(frozen=True, eq=False)
-class Measurements:
+@dataclass(frozen=True, eq=False, repr=False)
+class Measurements(Displayed):
     """Some patients' trajectories and data.
 
     Parameters

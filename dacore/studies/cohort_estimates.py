@@ -13,6 +13,7 @@ import numpy as np
 
 from dacore.core.arrays import Array, IntArray
 from dacore.core.background import Background
+from dacore.core.display import Displayed
 from dacore.core.estimator import Estimate, ParameterEstimate, PreparedEstimator, Uncertainty, weights_of
 from dacore.core.misfit import Misfit
 from dacore.core.observation import Functionals
@@ -32,8 +33,8 @@ _COPIES = 6
 _MOST = 256
 
 
-@dataclass(frozen=True, eq=False)
-class Claims:
+@dataclass(frozen=True, eq=False, repr=False)
+class Claims(Displayed):
     """A quantity of interest: what is true, what was found, what was claimed.
 
     Parameters
@@ -65,8 +66,8 @@ class Claims:
         return found[0], found[1]
 
 
-@dataclass(frozen=True, eq=False)
-class CohortOutcome:
+@dataclass(frozen=True, eq=False, repr=False)
+class CohortOutcome(Displayed):
     """One estimator at one noise level.
 
     Parameters
@@ -98,8 +99,8 @@ class CohortOutcome:
     seconds: float
 
 
-@dataclass(frozen=True, eq=False)
-class Cohort:
+@dataclass(frozen=True, eq=False, repr=False)
+class Cohort(Displayed):
     """All outcomes of a cohort.
 
     Parameters

@@ -12,6 +12,7 @@ import emcee
 import numpy as np
 
 from dacore.core.arrays import Array
+from dacore.core.display import Displayed
 from dacore.core.estimator import Estimate, ParameterEstimate, check_scale
 from dacore.core.quantity import QuantityOfInterest
 from dacore.errors import ShapeError
@@ -105,8 +106,8 @@ def posterior_by_chain(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Limits:
+@dataclass(frozen=True, eq=False, repr=False)
+class Limits(Displayed):
     """What can be known of unseen cases.
 
     Parameters

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dacore.core.arrays import Array, IntArray
+from dacore.core.display import Displayed
 
 
 def noisy(clean: Array, level: float, seed: int) -> tuple[Array, Array]:
@@ -33,8 +34,8 @@ def noisy(clean: Array, level: float, seed: int) -> tuple[Array, Array]:
     return data, sigmas
 
 
-@dataclass(frozen=True, eq=False)
-class NoisyData:
+@dataclass(frozen=True, eq=False, repr=False)
+class NoisyData(Displayed):
     """The measurements of the unseen cases at several noise levels.
 
     Parameters

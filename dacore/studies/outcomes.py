@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from dacore.core.arrays import Array
+from dacore.core.display import Card, Displayed, Rows, count, listed, number, percent
 from dacore.core.estimator import BackgroundSpace, Estimate, ParameterEstimate
 from dacore.core.misfit import Misfit
 from dacore.errors import ShapeError
@@ -20,8 +21,8 @@ from dacore.studies.errors import JOINT
 PRIOR = "prior"
 
 
-@dataclass(frozen=True, eq=False)
-class QuantityOutcome:
+@dataclass(frozen=True, eq=False, repr=False)
+class QuantityOutcome(Displayed):
     """A quantity of interest over the cases.
 
     Parameters
@@ -36,6 +37,11 @@ class QuantityOutcome:
     estimate: Array
     deviation: Array
 
+    def _card(self) -> Card:
+        numbers, cases = self.truth.shape
+        facts = ("numbers", count(numbers)), ("cases", count(cases)), ("rms error", number(float(f"{self.rms:.3g}")))
+        return Card("QuantityOutcome", facts)
+
     @property
     def rms(self) -> float:
         """Root mean square error over all numbers and cases."""
@@ -47,8 +53,8 @@ class QuantityOutcome:
         return float(np.abs(self.estimate - self.truth).max())
 
 
-@dataclass(frozen=True, eq=False)
-class Outcome:
+@dataclass(frozen=True, eq=False, repr=False)
+class Outcome(Displayed):
     """One estimator at one noise level.
 
     Parameters
@@ -81,6 +87,23 @@ class Outcome:
     misfit: Misfit | None = None
     parameters: ParameterEstimate | None = None
 
+    def _card(self) -> Card:
+        mean = {label: percent(_mean(values)) for label, values in self.space_time.items()}
+        cases = [each.truth.shape[1] for each in self.quantities.values()] + [len(e) for e in self.space_time.values()]
+        return Card(
+            "Outcome",
+            (
+                ("estimator", self.estimator),
+                ("noise", percent(self.noise)),
+                ("cases", count(cases[0]) if cases else ""),
+                ("mean errors", ", ".join(f"{label} {value}" for label, value in mean.items())),
+                ("rms errors", ", ".join(f"{name} {each.rms:.3g}" for name, each in self.quantities.items())),
+                ("misfit", "" if self.misfit is None else self.misfit.verdict),
+                ("parameters", "" if self.parameters is None else listed(self.parameters.names)),
+                ("seconds", f"{self.seconds:.3g}"),
+            ),
+        )
+
     @cached_property
     def estimate(self) -> Estimate | None:
         """The estimate of all cases; made again where the outcome was kept, None for the training mean."""
@@ -91,8 +114,8 @@ class Outcome:
         return int(np.argmax(np.nan_to_num(self.space_time[error], nan=-1.0)))
 
 
-@dataclass(frozen=True, eq=False)
-class Judged:
+@dataclass(frozen=True, eq=False, repr=False)
+class Judged(Displayed):
     """What was found of one estimator.
 
     Parameters
@@ -108,9 +131,17 @@ class Judged:
     inf_sup: Array
     spaces: tuple[BackgroundSpace, ...]
 
+    def _card(self) -> Card:
+        beta = self.inf_sup[np.isfinite(self.inf_sup)]
+        facts = (
+            ("stability", f"{beta.min():.2e} to {beta.max():.2e}" if beta.size else "none"),
+            ("dimensions", listed([str(space.n) for space in self.spaces])),
+        )
+        return Card("Judged", facts, (errors_table(self.outcomes),))
 
-@dataclass(frozen=True, eq=False)
-class Validation:
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Validation(Displayed):
     """All outcomes and the data they come from.
 
     Parameters
@@ -136,6 +167,10 @@ class Validation:
     sigmas: Mapping[float, Array]
     joint_weights: Mapping[str, float]
 
+    def _card(self) -> Card:
+        facts = ("cases", count(self.clean.shape[2])), ("noise", ", ".join(percent(level) for level in self.data))
+        return Card("Validation", facts, (errors_table(self.outcomes),))
+
     @property
     def headline(self) -> str:
         """The error that says most: that of the last contrast, or of the last field; "" without errors of fields."""
@@ -157,3 +192,36 @@ class Validation:
             if each.estimator == estimator and (estimator == PRIOR or each.noise == noise):
                 return each
         raise ShapeError(f"outcome: none of {estimator!r} at noise {noise}")
+
+
+def errors_table(outcomes: Sequence[Outcome]) -> Rows:
+    """Mean errors of fields and rms errors of quantities, a row an estimator and noise level.
+
+    Parameters
+    ----------
+    outcomes : sequence of Outcome
+
+    Returns
+    -------
+    Rows
+    """
+    if not outcomes:
+        return Rows((), ())
+    labels, names = list(outcomes[0].space_time), list(outcomes[0].quantities)
+    rows = tuple(
+        (
+            "training mean" if each.estimator == PRIOR else each.estimator,
+            "" if each.estimator == PRIOR else percent(each.noise),
+            *(percent(_mean(each.space_time[label])) for label in labels),
+            *(f"{each.quantities[name].rms:.3g}" for name in names),
+        )
+        for each in outcomes
+    )
+    headers = ("estimator", "noise", *(f"error of {label}" for label in labels), *(f"rms of {name}" for name in names))
+    return Rows(headers, rows)
+
+
+def _mean(values: Array) -> float:
+    """Mean of what is known; NaN where nothing is."""
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else np.nan

@@ -14,6 +14,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from dacore.core.arrays import Array, IntArray
+from dacore.core.display import Displayed
 from dacore.core.observation import Functionals
 from dacore.errors import ShapeError
 
@@ -55,8 +56,8 @@ class Criterion(ABC, Generic[State]):
         return value if self.larger_is_better else -value
 
 
-@dataclass(frozen=True, eq=False)
-class Placement:
+@dataclass(frozen=True, eq=False, repr=False)
+class Placement(Displayed):
     """An order of candidates and what it is worth.
 
     Parameters

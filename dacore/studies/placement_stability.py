@@ -7,6 +7,7 @@ import numpy as np
 from dacore.algebra.gram import RieszMap
 from dacore.core.arrays import Array, IntArray
 from dacore.core.background import Background
+from dacore.core.display import Displayed
 from dacore.core.observation import Functionals
 from dacore.errors import ShapeError
 from dacore.estimators.frames import Centring, Weights, build_frames, field_weights, offset_of
@@ -16,8 +17,8 @@ from dacore.studies.placement import Candidates, Criterion, check_candidates
 _DEPENDENT = 1e-12
 
 
-@dataclass(frozen=True, eq=False)
-class Seen:
+@dataclass(frozen=True, eq=False, repr=False)
+class Seen(Displayed):
     """What the chosen representers make of the rest.
 
     Parameters

@@ -15,6 +15,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from dacore.algebra.svd import thin_svd
 from dacore.core.arrays import Array
 from dacore.core.background import Background, ParametricMap
+from dacore.core.display import Displayed
 from dacore.core.estimator import Estimate
 from dacore.core.observation import Functionals
 from dacore.core.parameters import Parameter
@@ -28,8 +29,8 @@ _NOTHING = 1e-10
 _STEP = 1e-2
 
 
-@dataclass(frozen=True, eq=False)
-class LocalModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class LocalModel(Displayed):
     """Data and targets that are linear in a standardised unknown of dimension d.
 
     Parameters
@@ -44,8 +45,8 @@ class LocalModel:
     targets: Array
 
 
-@dataclass(frozen=True, eq=False)
-class Known:
+@dataclass(frozen=True, eq=False, repr=False)
+class Known(Displayed):
     """What the chosen say: information and covariance (d, d) of the unknown, model by model."""
 
     information: tuple[Array, ...]

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dacore.core.arrays import Array, IntArray, Sparse
+from dacore.core.display import Displayed
 from dacore.core.simplex import barycentric_gradients, lagrange, local_edges
 from dacore.core.space import CellGeometry, StateSpace
 from dacore.errors import CapabilityError, ShapeError
@@ -19,8 +20,8 @@ Outside = Literal["nearest", "extend", "error"]
 _DUST = 1e-13
 
 
-@dataclass(frozen=True, eq=False)
-class FieldTransfer:
+@dataclass(frozen=True, eq=False, repr=False)
+class FieldTransfer(Displayed):
     """One component of one field.
 
     Parameters

@@ -7,6 +7,7 @@ import numpy as np
 
 from dacore.core.arrays import Array
 from dacore.core.background import Background
+from dacore.core.display import Displayed
 from dacore.core.parameters import Parameters
 from dacore.errors import ShapeError
 from dacore.reduction.model import ReducedModel
@@ -14,8 +15,8 @@ from dacore.studies.errors import Contrast
 from dacore.studies.reference import Reference
 
 
-@dataclass(frozen=True, eq=False)
-class UnseenErrors:
+@dataclass(frozen=True, eq=False, repr=False)
+class UnseenErrors(Displayed):
     """A reduced model on unseen cases.
 
     Parameters

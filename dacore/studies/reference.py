@@ -12,6 +12,7 @@ import numpy as np
 
 from dacore.core.arrays import Array
 from dacore.core.background import Background
+from dacore.core.display import Displayed
 from dacore.core.model import Trajectory
 from dacore.core.observation import Functionals
 from dacore.core.quantity import QuantityOfInterest
@@ -21,8 +22,8 @@ from dacore.studies.errors import Contrast, ErrorMeter
 Progress = Callable[[int, int], None]
 
 
-@dataclass(frozen=True, eq=False)
-class Measured:
+@dataclass(frozen=True, eq=False, repr=False)
+class Measured(Displayed):
     """What is measured and asked of the unseen cases, without noise.
 
     Parameters
@@ -35,8 +36,8 @@ class Measured:
     quantities: Mapping[str, Array]
 
 
-@dataclass(frozen=True, eq=False)
-class Reference:
+@dataclass(frozen=True, eq=False, repr=False)
+class Reference(Displayed):
     """The unseen cases in the coordinates of a background, and how large they are.
 
     Parameters

@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 
 from dacore.core.arrays import Array, BoolArray
+from dacore.core.display import Displayed
 from dacore.dynamics.amplification import mode_radii
 from dacore.dynamics.newmark import FirstOrder, Newmark
 from dacore.dynamics.scheme import Scheme
@@ -27,8 +28,8 @@ class UncheckedNewmark(Newmark):
         """Accept anything."""
 
 
-@dataclass(frozen=True, eq=False)
-class Modes:
+@dataclass(frozen=True, eq=False, repr=False)
+class Modes(Displayed):
     """Smallest coupled systems.
 
     Parameters
@@ -65,8 +66,8 @@ class Modes:
         return mode_radii(scheme, step, self.mass, self.stiffness, self.coupling, self.storage, self.mobility)
 
 
-@dataclass(frozen=True, eq=False)
-class StabilityMap:
+@dataclass(frozen=True, eq=False, repr=False)
+class StabilityMap(Displayed):
     """Largest spectral radius over modes, for each β and γ of Newmark's family.
 
     Parameters

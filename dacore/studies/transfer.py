@@ -16,6 +16,7 @@ from scipy.sparse import block_diag, csr_array, eye_array
 from dacore.algebra.linear_solver import prepared, product
 from dacore.algebra.solvers import Auto
 from dacore.core.arrays import Array, Sparse
+from dacore.core.display import Displayed
 from dacore.core.solver import LinearSolver
 from dacore.core.space import Product, StateSpace
 from dacore.errors import CapabilityError, ConvergenceError, ShapeError
@@ -25,8 +26,8 @@ from dacore.studies.places import FieldTransfer, Finder, Outside, cells_of, node
 _TOLERANCE = 1e-12
 
 
-@dataclass(frozen=True, eq=False)
-class Transfer:
+@dataclass(frozen=True, eq=False, repr=False)
+class Transfer(Displayed):
     """Interpolation of states at the nodes of another space; made by `interpolation`.
 
     Parameters

@@ -3,14 +3,18 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from dacore.core.arrays import Array, BoolArray
 from dacore.core.background import Background
-from dacore.core.estimator import PreparedEstimator
+from dacore.core.display import Card, Displayed, Rows, listed
+from dacore.core.estimator import Estimate, PreparedEstimator
 from dacore.core.mesh import Mesh
 from dacore.core.model import ForwardModel, Trajectory
 from dacore.core.observation import Functionals
 from dacore.core.parameters import ParameterSpace
 from dacore.core.quantity import QuantityOfInterest
-from dacore.errors import SceneError
+from dacore.errors import SceneError, ShapeError
 from dacore.io.scene import Scene
 from dacore.pipeline.runner import Runner
 from dacore.reduction.training import Reduced
@@ -20,8 +24,8 @@ from dacore.studies.refinement import Refinement
 from dacore.workflow.build import Builder
 
 
-@dataclass(frozen=True, eq=False)
-class Session:
+@dataclass(frozen=True, eq=False, repr=False)
+class Session(Displayed):
     """A scene and its stages.
 
     Nothing is computed on making; every property computes, or reads from the cache, what it needs.
@@ -34,6 +38,26 @@ class Session:
 
     builder: Builder
     runner: Runner
+
+    def _card(self) -> Card:
+        states = {stage.name: self.runner.state(stage.name) for stage in self.runner.pipeline.stages}
+        stages = self.runner.pipeline.stages
+        grouped = {
+            word: listed([name for name, state in states.items() if state == word], 16)
+            for word in dict.fromkeys(states.values())
+        }
+        card = self.scene._card()
+        return Card(
+            f"Session: {self.scene.title}",
+            (
+                ("scene", self.builder.where),
+                *card.facts,
+                *((f"stages {word}", names) for word, names in grouped.items()),
+            ),
+            notebook=(
+                Rows(("stage", "state", "what it is"), tuple((s.name, states[s.name], s.purpose) for s in stages)),
+            ),
+        )
 
     @property
     def scene(self) -> Scene:
@@ -116,6 +140,77 @@ class Session:
         """What to beware of in this scene's physics, a line each."""
         made: tuple[str, ...] = self.runner["checks"]
         return made
+
+    def observe(
+        self, truth: Trajectory, noise: float = 0.0, rng: np.random.Generator | None = None
+    ) -> tuple[Array, float]:
+        """Measure a trajectory as the scene says, at the steps it observes, and add noise.
+
+        Parameters
+        ----------
+        truth : Trajectory
+            Of `model`, or one of `truth`.
+        noise : float
+            Level Ξ: σ = Ξ max|ℓ_i(u(t))| over all recorded steps, as that of the scene's ``[noise]``.
+        rng : numpy.random.Generator, optional
+            Where the noise comes from; needed where there is some.
+
+        Returns
+        -------
+        data : (m, t) array
+            What `estimate` takes, in the unit of the functionals.
+        sigma : float
+            Standard deviation σ of the noise, in that unit.
+
+        Raises
+        ------
+        ShapeError
+            If the noise is negative, or there is no `rng` for it.
+        """
+        if not (np.isfinite(noise) and noise >= 0.0):
+            raise ShapeError(f"noise: got {noise}, expected a level of 0 or more, 0.1 for a tenth of the largest value")
+        states = truth.states
+        if self.scene.observed.less_mean:
+            states = np.array(states)
+            for name in self.scene.observed.less_mean:
+                block = self.model.space.layout.block(name)
+                states[block] -= states[block].mean(axis=1, keepdims=True)
+        data = self.functionals(states)
+        sigma = float(noise * np.abs(data).max())
+        steps = self.builder.observed(data.shape[1])
+        data = data if steps is None else data[:, steps]
+        if sigma > 0.0:
+            if rng is None:
+                raise ShapeError("rng: got none, but there is noise to draw; give numpy.random.default_rng(seed)")
+            data = data + sigma * rng.standard_normal(data.shape)
+        return data, sigma
+
+    def estimate(self, estimator: str, data: Array, noise: Array | float, mask: BoolArray | None = None) -> Estimate:
+        """Estimate states from data with one of the scene's estimators.
+
+        Parameters
+        ----------
+        estimator : str
+            Its name in the scene.
+        data : (m, t) or (m, t, k) array
+            Measured values of one series or of k, in the unit of the functionals, at the observed steps.
+        noise : float or (k,) array
+            Standard deviation of their noise, in that unit; 0 for exact data.
+        mask : (m,) bool array, optional
+            Which functionals were measured; None for all. What the others hold is not looked at.
+
+        Returns
+        -------
+        Estimate
+
+        Raises
+        ------
+        SceneError
+            If the scene has no such estimator.
+        ShapeError
+            If data, noise or mask do not fit.
+        """
+        return self.prepared(estimator).estimate(np.asarray(data), noise, mask)
 
     def judged(self, estimator: str) -> Judged:
         """Return what was found of an estimator on the unseen cases, with its stability and its spaces."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from dacore.core.arrays import Array
+from dacore.core.display import Displayed
 from dacore.core.parameters import ParameterSpace
 from dacore.io.scene import Scene
 from dacore.workflow.report_parts import Table
@@ -35,8 +36,8 @@ class Variant:
     needs: tuple[str, ...] = VALIDATED
 
 
-@dataclass(frozen=True, eq=False)
-class Findings:
+@dataclass(frozen=True, eq=False, repr=False)
+class Findings(Displayed):
     """What a study found, in a form that is kept on disk.
 
     Parameters
