@@ -133,7 +133,7 @@ def _costs(row: PlannedStage) -> tuple[str, str]:
 
 def _whence(rows: Sequence[PlannedStage], unknown: bool) -> str:
     if unknown:
-        return "?: the size is not known before the mesh is made; plan again when it is."
+        return "?: the size is not known before the model is made; plan again when it is."
     if any(row.measured for row in rows):
         return "Estimated by growth laws, corrected by what stages took in this cache."
     return "Estimated by growth laws alone, within a factor of 3; this cache has not measured anything yet."

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from dacore.core.arrays import Array
+from dacore.core.timegrid import time_unit
 from dacore.errors import ShapeError
 from dacore.figures.style import INK, colour, legend_below, log_axis, pretty, sheet, styled, title_text
 
@@ -54,7 +55,7 @@ def cycle_errors(
     figure, grid = sheet(
         len(measures), len(histories), 1.75 * len(measures) + 0.7, caption, sharex=True, sharey="row"
     )  # fmt: skip
-    factor, unit = (1.0, "s") if times[-1] >= 1.0 else (1e3, "ms")
+    factor, unit = time_unit(float(times[-1]))
     for row, name in enumerate(measures):
         for column, history in enumerate(histories):
             axes = grid[row, column]

@@ -323,6 +323,12 @@ class Builder:
         own = sorted(packages - {"dacore"} - sys.stdlib_module_names) or ["dacore"]
         return f"{self.registry.version(kind, name)}+{'+'.join(map(source_hash, own))}"
 
+    @property
+    def same_truth(self) -> str:
+        """What the truth of unseen cases has in common with what the estimators learn from, in words."""
+        how = "by the same model" if self.scene.domain is None else "on the same mesh with the same time scheme"
+        return f"truth computed {how}"
+
     def versions(self) -> dict[str, str]:
         """Versions of dacore, its numerical libraries and every installed plugin distribution."""
         names = {"dacore", "numpy", "scipy", "h5py", "meshio", "matplotlib"}

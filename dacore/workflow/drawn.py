@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 from matplotlib.figure import Figure
 
+from dacore.core.timegrid import time_unit
 from dacore.plugins.versions import source_hash
 from dacore.workflow.content import content_key
 
@@ -83,7 +84,5 @@ def unit_text(unit: str) -> str:
 
 def time_text(seconds: float) -> str:
     """A time with a unit that suits it: "15 ms", "2.5 s"."""
-    for factor, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "µs")):
-        if abs(seconds) * factor >= 1.0:
-            return f"{seconds * factor:.3g} {unit}"
-    return f"{seconds:.3g} s"
+    factor, unit = time_unit(seconds)
+    return f"{seconds * factor:.3g} {unit}"

@@ -21,7 +21,6 @@ from dacore.workflow.pictures import draw_all
 from dacore.workflow.pictures_parameters import misfit_table, parameter_tables, parametric
 from dacore.workflow.report import write_report
 from dacore.workflow.report_parts import Card, Picture, Provenance, Report, Section, Table, Timing
-from dacore.workflow.results import SAME_DISCRETISATION
 from dacore.workflow.session import Session
 from dacore.workflow.stages import judges_reduction
 from dacore.workflow.studies.output import Shown, score_tables, show_studies
@@ -157,7 +156,7 @@ def make_report(
         "Seeds": {name: str(seed) for name, seed in summary["seeds"].items()},
         "Machine": {name: str(value) for name, value in summary["machine"].items()},
         "Size": {
-            "nodes": f"{summary['mesh']['nodes']:,}" if summary["mesh"] else "–",
+            **({"nodes": f"{summary['mesh']['nodes']:,}"} if summary["mesh"] else {}),
             "degrees of freedom": f"{summary['n_dofs']:,}",
             "measurements": f"{summary['observation']['functionals']:,}",
             "training trajectories": str(summary["background"]["samples"]),
@@ -183,9 +182,9 @@ def make_report(
         Section("In one picture", "", take("hero")),
         Section(
             "How well",
-            f"**Reference:** {SAME_DISCRETISATION}. Every error stands beside the error of guessing the training mean, "
-            "because a field that hardly varies flatters any estimate. Green: the best of its column; red: worse than "
-            "guessing." + "".join(f"\n\n**Beware:** {line}." for line in session.cautions),
+            f"**Reference:** {summary['reference']}. Every error stands beside the error of guessing the training "
+            "mean, because a field that hardly varies flatters any estimate. Green: the best of its column; red: worse "
+            "than guessing." + "".join(f"\n\n**Beware:** {line}." for line in session.cautions),
             [*tables(session), *take("summary")],
         ),
         Section("What was measured", "", take("measured_slice")),

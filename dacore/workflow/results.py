@@ -24,9 +24,6 @@ from dacore.workflow.session import Session
 from dacore.workflow.stages import judges_reduction
 
 SCHEMA = 1
-SAME_DISCRETISATION = (
-    "truth computed on the same mesh with the same time scheme: errors are those of the reconstruction alone"
-)
 
 
 def summarise(session: Session, seconds: float, expected: Sequence[PlannedStage] = ()) -> dict[str, Any]:
@@ -46,7 +43,7 @@ def summarise(session: Session, seconds: float, expected: Sequence[PlannedStage]
     summary = {
         "schema": SCHEMA,
         "title": scene.title,
-        "reference": SAME_DISCRETISATION,
+        "reference": f"{session.builder.same_truth}: errors are those of the reconstruction alone",
         "scene": scene.model_dump(mode="json"),
         "truth_of": "unseen cases drawn uniformly from the parameters' ranges",
         "seeds": {"training": scene.training.seed, "validation": scene.validation.seed, "noise": scene.noise.seed},

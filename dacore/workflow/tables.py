@@ -85,7 +85,7 @@ def error_table(
         rows,
         f"{noise_name(level)}: relative space–time errors, mean (worst) over {validation.clean.shape[2]} unseen cases",
         # Once is enough.
-        "Truth computed on the same mesh with the same scheme, so these are errors of the reconstruction alone."
+        f"{builder.same_truth.capitalize()}, so these are errors of the reconstruction alone."
         if level == builder.scene.noise.levels[0]
         else "",
     )

@@ -20,6 +20,7 @@ from dacore.workflow.stress.inference import (
     reference_minimum_variance,
     reference_pbdw,
     spread,
+    suited,
 )
 from dacore.workflow.stress.reference import EPS
 
@@ -28,7 +29,8 @@ NOISE = 0.05
 
 
 def _prepared(context: Context, name: str, functionals: Functionals) -> PreparedEstimator:
-    return ESTIMATORS[name].prepare(context.background, functionals, WhiteNoise())
+    made: PreparedEstimator = suited(context, ESTIMATORS[name]).prepare(context.background, functionals, WhiteNoise())
+    return made
 
 
 def _dead(context: Context, count: int) -> tuple[Functionals, Array, BoolArray]:
@@ -137,7 +139,7 @@ def _shape(name: str, what: str) -> Any:
         steps = np.array([2]) if what == "one step" else np.arange(len(context.background.times))
         chosen = context.truth[:, steps] if what == "one step" else context.truth[:, :, :0]
         data = functionals(chosen)
-        prepared: Any = ESTIMATORS[name].prepare(context.background, functionals, WhiteNoise(), steps)
+        prepared: Any = suited(context, ESTIMATORS[name]).prepare(context.background, functionals, WhiteNoise(), steps)
         found = context.ask(lambda: prepared.estimate(data, 0.0))
         if what == "no series":
             right = found.state().shape == (context.space.n_dofs, len(steps), 0)

@@ -34,6 +34,15 @@ def pbdw(n: Any, weight: float = WEIGHT, **settings: Any) -> PBDW:
     return PBDW(n=n, weights={"p": weight}, **(plain | settings))
 
 
+def suited(context: Context, settings: Any) -> Any:
+    """Settings of an estimator whose weight of p is given to every field but the first, if the state has no p."""
+    names = [field.name for field in context.space.fields]
+    if not isinstance(settings, PBDW) or isinstance(settings.weights, str) or set(settings.weights) <= set(names):
+        return settings
+    weight = next(iter(settings.weights.values()))
+    return replace(settings, weights=dict.fromkeys(names[1:], weight))
+
+
 def pick(functionals: Functionals, rows: Any) -> Functionals:
     """Some functionals, in the order of `rows`; one may be asked for twice."""
     index = np.asarray(rows)
@@ -185,7 +194,7 @@ def check_pbdw(
     context: Context, settings: PBDW, functionals: Functionals, data: Array, background: Background | None = None
 ) -> Outcome:
     """Estimate with PBDW and compare with the saddle point."""
-    own = background or context.background
+    own, settings = background or context.background, suited(context, settings)
 
     def estimate() -> tuple[PreparedPBDW, Estimate]:
         prepared = settings.prepare(own, functionals, WhiteNoise())

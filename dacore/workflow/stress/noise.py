@@ -23,6 +23,7 @@ from dacore.workflow.stress.inference import (
     pbdw,
     reference_minimum_variance,
     spread,
+    suited,
 )
 from dacore.workflow.stress.reference import EPS, dense_solve, long
 
@@ -141,7 +142,7 @@ def _covered(estimator: str, noise: float, **settings: Any) -> Any:
         data = functionals(context.truth)
         sigma = noise * float(np.abs(data).max())
         data += sigma * context.rng(7).standard_normal(data.shape)
-        chosen: Any = MinimumVariance() if estimator == "minimum variance" else pbdw(8, **settings)
+        chosen = MinimumVariance() if estimator == "minimum variance" else suited(context, pbdw(8, **settings))
         found = context.ask(lambda: chosen.prepare(context.background, functionals, WhiteNoise()).estimate(data, sigma))
         values = quantity.functionals(context.space)(context.truth)
         weights = quantity.time_weights(values.shape[1])
@@ -179,7 +180,7 @@ def _unseen(estimator: str, draws: int, **settings: Any) -> Any:
         data = np.tensordot(own.observe(functionals.matrix), truth, axes=1)
         exact = np.tensordot(own.observe(mean.functionals(context.space).matrix), truth, axes=1).mean(axis=1)
         sigma = 0.05 * float(np.abs(data).max())
-        chosen: Any = pbdw(4, 1.0) if estimator == "PBDW" else MinimumVariance(**settings)
+        chosen = suited(context, pbdw(4, 1.0)) if estimator == "PBDW" else MinimumVariance(**settings)
         squares, claimed = [], []
         for seed in range(draws):
             background = replace(

@@ -12,7 +12,7 @@ from dacore.core.observation import Functionals
 from dacore.estimators.saddle_point import solve_saddle_point
 from dacore.workflow.stress.case import Case, Inapplicable, Outcome, conditioned
 from dacore.workflow.stress.context import Context
-from dacore.workflow.stress.inference import WEIGHT, check_minimum_variance, check_pbdw, pbdw, spread, trained
+from dacore.workflow.stress.inference import WEIGHT, check_minimum_variance, check_pbdw, pbdw, spread, suited, trained
 from dacore.workflow.stress.needs import mpmath
 from dacore.workflow.stress.reference import EPS
 
@@ -65,7 +65,7 @@ def _dim(strength: float) -> Any:
 def _blinded(context: Context, n: int, strength: float) -> Functionals:
     """Functionals less what they see of the n-th mode of the published space, but for a fraction `strength`."""
     functionals = spread(context.functionals, 30)
-    prepared = pbdw(n).prepare(context.background, functionals, WhiteNoise())
+    prepared = suited(context, pbdw(n)).prepare(context.background, functionals, WhiteNoise())
     modes = context.background.lift(prepared.spaces()[0].modes[:, :n])
     block = context.space.layout.block(context.space.fields[0].name)
     product = context.space.field_product(context.space.fields[0].name)
