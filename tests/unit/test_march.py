@@ -17,7 +17,7 @@ from dacore.dynamics.generalized_alpha import GeneralizedAlpha
 from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.newmark import Newmark
 from dacore.dynamics.pattern import PatternSum
-from dacore.dynamics.profiles import Constant, Ramp, Sine, SmoothRamp
+from dacore.dynamics.profiles import Constant, Course, Pulse, Ramp, Sine, SmoothRamp, ToneBurst
 from dacore.dynamics.scheme import State
 from dacore.dynamics.static import consistent_start, steady_state
 from dacore.dynamics.system import StepSystem
@@ -531,3 +531,48 @@ def test_initial_states_that_fit_nothing_are_refused():
 
 def twice(_):
     return 2.0
+
+
+def test_pulses_and_bursts():
+    times = np.array([0.0, 0.1, 0.25, 0.3 - 0.2, 0.3, 0.7])
+    np.testing.assert_array_equal(Pulse(0.25)(times), [1, 1, 1, 1, 0, 0])
+    assert Pulse(0.3)(np.array([0.1 * 3]))[0] == 1.0  # a rounding error behind the end
+    burst = ToneBurst(50.0, 4.0)
+    fine = np.linspace(0.0, 0.1, 20_001)
+    values = burst(fine)
+    assert not values[fine > 0.08].any()
+    assert np.abs(values).max() == pytest.approx(0.96, abs=0.01)  # at 4 cycles no crest is at the top of the bell
+    ends = np.abs(np.diff(values, 2)) / (fine[1] ** 2)
+    assert ends[[0, 16_000]].max() < 1e-2 * ends.max()  # begins and ends without a jolt
+
+
+@pytest.mark.parametrize(
+    ("settings", "profile"),
+    [
+        ({}, Constant()),
+        ({"kind": "ramp", "duration": 2.0}, Ramp(2.0)),
+        ({"kind": "smooth_ramp", "duration": 2.0}, SmoothRamp(2.0)),
+        ({"kind": "pulse", "duration": 2.0}, Pulse(2.0)),
+        ({"kind": "sine", "frequency": 2.0}, Sine(2.0)),
+        ({"kind": "tone_burst", "frequency": 2.0}, ToneBurst(2.0)),
+        ({"kind": "tone_burst", "frequency": 2.0, "cycles": 5.0}, ToneBurst(2.0, 5.0)),
+    ],
+)
+def test_courses_of_a_scene(settings, profile):
+    assert Course(**settings).profile() == profile
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"kind": "bang"}, "course: got 'bang', expected one of constant, ramp"),
+        ({"kind": "ramp"}, "course ramp: duration is missing"),
+        ({"kind": "sine", "frequency": 1.0, "duration": 1.0}, "course sine: got duration, which it has no use for"),
+        ({"kind": "sine", "frequency": 0.0}, "frequency: got 0.0, expected a positive number of Hz"),
+        ({"kind": "tone_burst", "frequency": 1.0, "cycles": -1.0}, "cycles: got -1.0, expected a positive number"),
+        ({"kind": "pulse", "duration": np.inf}, "duration: got inf"),
+    ],
+)
+def test_courses_that_say_nothing_are_refused(settings, message):
+    with pytest.raises(ShapeError, match=message):
+        Course(**settings)
