@@ -71,7 +71,7 @@ class CorrectingSolver(LinearSolver):
         if not 0.0 < tolerance < 1.0:
             raise ShapeError(f"linear system: got the tolerance {tolerance}, expected a number between 0 and 1")
         matrix = canonical(matrix)
-        self._scale: Array = _scales(matrix, definite)
+        self._scale: Array = scales(matrix, definite)
         data = matrix.data.astype(np.float64)
         for begin in range(0, n, _ROWS):  # in parts: the factors of all entries would be as large as the matrix
             starts = matrix.indptr[begin : begin + _ROWS + 1]
@@ -236,7 +236,7 @@ class _Checked(LinearSolver):
 
     def __init__(self, solver: LinearSolver, matrix: Sparse, definite: BoolArray, tolerance: float) -> None:
         self._solver, self._matrix, self._tolerance = solver, matrix, tolerance
-        self._scale = _scales(canonical(matrix), definite)[:, None]
+        self._scale = scales(canonical(matrix), definite)[:, None]
 
     @property
     def name(self) -> str:
@@ -265,8 +265,21 @@ class _Checked(LinearSolver):
         return solution
 
 
-def _scales(matrix: Sparse, definite: BoolArray) -> Array:
-    """Scale D (n,) of rows and columns, one over the roots of the diagonals of A and C + B diag(A)⁻¹ Bᵀ."""
+def scales(matrix: Sparse, definite: BoolArray) -> Array:
+    """Scale D (n,) of rows and columns, one over the roots of the diagonals of A and C + B diag(A)⁻¹ Bᵀ.
+
+    Parameters
+    ----------
+    matrix : (n, n) csr_array
+        K = [[A, Bᵀ], [B, −C]], rows in any order, no entry twice.
+    definite : (n,) bool array
+        True on the rows of A.
+
+    Raises
+    ------
+    ShapeError
+        If a row vanishes, or its diagonal has the wrong sign.
+    """
     diagonal = np.asarray(matrix.diagonal(), dtype=np.float64)
     wrong = np.where(definite, ~(diagonal > 0.0), ~(diagonal <= 0.0))
     if not wrong.any():

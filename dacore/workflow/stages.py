@@ -12,6 +12,7 @@ from dacore.core.mesh import Mesh
 from dacore.core.model import ForwardModel
 from dacore.core.noise import WhiteNoise
 from dacore.core.observation import Functionals
+from dacore.dynamics.harmonic import HarmonicModel
 from dacore.dynamics.march import MarchedModel
 from dacore.errors import SceneError
 from dacore.io.functionals import read_functionals, write_functionals
@@ -102,10 +103,26 @@ def scene_pipeline(
                 "functions, or steps by itself; expected 'full'"
             )
         model: ForwardModel = results["model"]
-        cautions = model.cautions(results["parameters"]) if isinstance(model, MarchedModel) else ()
+        if isinstance(model, HarmonicModel):
+            check_means()
+        cautions = model.cautions(results["parameters"]) if isinstance(model, MarchedModel | HarmonicModel) else ()
         for line in cautions:
             _log.warning("%s: %s", builder.where, line)
         return cautions
+
+    def check_means() -> None:
+        """Two phases have no mean that means anything: that of the cycle is zero."""
+        if scene.observed.less_mean:
+            raise SceneError(
+                f"{builder.where}: observed.less_mean: the two steps are the phases of a motion whose mean is zero; "
+                "remove it"
+            )
+        for name, quantity in builder.quantities.items():
+            if quantity.over_time == "mean":
+                raise SceneError(
+                    f"{builder.where}: quantity.{name}.over_time: got 'mean', but the two steps are the phases of a "
+                    "motion whose mean is zero; set over_time = 'each'"
+                )
 
     def contrasts(results: Results) -> list[Contrast]:
         return builder.contrasts(results["model"].space, results["parameters"])

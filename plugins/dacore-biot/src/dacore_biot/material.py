@@ -1,7 +1,7 @@
 """Material laws: from the parameters to the coefficients of the equations.
 
 All functions are of the module, so that models can be pickled. Parameters: E [dyn/cm²], nu,
-alpha (Biot–Willis), skempton, density [g/cm³], viscosity [P], kappa [cm²].
+alpha (Biot–Willis), skempton, density [g/cm³], viscosity [P], kappa [cm²], loss.
 """
 
 from dacore.core.parameters import Parameters
@@ -16,6 +16,7 @@ _BOUNDS = {
     "viscosity": (0.0, float("inf"), False, False),
     "alpha": (0.0, 1.0, False, True),
     "skempton": (0.0, 1.0, False, True),
+    "loss": (0.0, float("inf"), True, False),
 }
 
 
@@ -76,3 +77,8 @@ def confined_swelling(parameters: Parameters) -> float:
 def mobility(parameters: Parameters) -> float:
     """κ/μ_f [cm⁴/(dyn s)]."""
     return check("kappa", parameters["kappa"]) / check("viscosity", parameters["viscosity"])
+
+
+def loss(parameters: Parameters) -> float:
+    """η of E(1 + iη) in motions at one frequency: the ratio of loss and storage modulus of the drained skeleton."""
+    return check("loss", parameters["loss"])

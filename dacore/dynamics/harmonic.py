@@ -1,0 +1,216 @@
+"""Motions at one frequency: an affine model solved for its amplitude and phase, without marching.
+
+y(t) = Re(ŷ e^{iωt}), ŷ complex. A trajectory holds it as two states, those at t = 0 and at t = T/4::
+
+    y(0) = Re ŷ,        y(T/4) = −Im ŷ
+
+so that y(t) = y(0) cos ωt + y(T/4) sin ωt at any time. Both are states like any others: whatever observes, compresses
+or estimates states over time does the same with amplitudes and phases, and the mean of squares over the two
+is that over the cycle.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any, final
+
+import numpy as np
+
+from dacore.algebra.solvers import Direct
+from dacore.core.arrays import Array, check_shape
+from dacore.core.model import AffineModel, Coefficient, ForwardModel, Trajectory
+from dacore.core.parameters import Parameters, ParameterSpace
+from dacore.core.solver import SolverMethod
+from dacore.core.space import StateSpace
+from dacore.dynamics.harmonic_system import Complex, HarmonicSystem
+from dacore.dynamics.march import Responses
+from dacore.errors import ShapeError
+
+
+def phases(amplitude: Complex) -> Array:
+    """Return the states (..., n, 2) at t = 0 and t = T/4 of complex amplitudes (..., n): Re ŷ and −Im ŷ."""
+    return np.stack([amplitude.real, -amplitude.imag], axis=-1)
+
+
+def amplitude(states: Array) -> Complex:
+    """Return the complex amplitudes (..., n) of states (..., n, 2) at t = 0 and t = T/4."""
+    if np.ndim(states) < 1 or np.shape(states)[-1] != 2:
+        raise ShapeError(f"states: got shape {np.shape(states)}, expected two phases, (..., 2)")
+    return np.asarray(states[..., 0] - 1j * states[..., 1])
+
+
+@final
+class HarmonicModel(ForwardModel):
+    """An affine model driven at one frequency, in its limit cycle.
+
+    Parameters
+    ----------
+    model : AffineModel
+        Its loads are sines and cosines of the frequency (`dacore.dynamics.profiles`).
+    frequency : float [Hz]
+    losses : mapping of str to callable, optional
+        Loss factors of terms of zeroth order by their names: θ -> η >= 0, which makes E to E(1 + iη). Module-level
+        functions or objects, as coefficients are.
+    method : SolverMethod, optional
+        What solves the systems; `dacore.algebra.solvers.Direct` by default.
+    tolerance : float
+        Relative residual of every solve.
+    analysis : object, optional
+        What ``method.analyse`` found, if it is known; found when first needed otherwise.
+
+    Raises
+    ------
+    ShapeError
+        If the frequency is not positive, a load is no oscillation of it, or a loss names no term.
+    AccuracyError
+        If the system is not symmetric on the free dofs.
+
+    Notes
+    -----
+    One factorisation of `dacore.dynamics.harmonic_system` serves all loads. A pickle holds the settings and the
+    analysis; the matrices on the free dofs are made anew.
+    """
+
+    def __init__(
+        self,
+        model: AffineModel,
+        frequency: float,
+        losses: Mapping[str, Coefficient] | None = None,
+        method: SolverMethod | None = None,
+        tolerance: float = 1e-10,
+        analysis: Any = None,
+    ) -> None:
+        if not (np.isfinite(frequency) and frequency > 0):
+            raise ShapeError(f"frequency: got {frequency}, expected a positive number of Hz")
+        if not 0 < tolerance < 1:
+            raise ShapeError(f"tolerance: got {tolerance}, expected a number between 0 and 1")
+        self.model, self.frequency, self.losses = model, float(frequency), dict(losses or {})
+        self.method, self.tolerance = method or Direct(), tolerance
+        self._system = HarmonicSystem(model, self.frequency, self.losses)
+        self._given = analysis
+
+    @cached_property
+    def analysis(self) -> Any:
+        """What the solver makes of the sparsity pattern alone: found once for all samples."""
+        if self._given is not None:
+            return self._given
+        layout, system = self.space.layout, self._system
+        nodes = [np.tile(np.arange(layout.nodes[field.name]), field.components) for field in layout.fields]
+        places = np.tile(np.concatenate(nodes)[system.free], 2)
+        return self.method.analyse(system.at(system.middle).doubled, system.definite, places)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        settings = (self.model, self.frequency, self.losses, self.method, self.tolerance)
+        return HarmonicModel, (*settings, self.analysis)
+
+    @property
+    def space(self) -> StateSpace:
+        """The space of the states."""
+        return self.model.space
+
+    @property
+    def parameters(self) -> ParameterSpace:
+        """The parameters of the model."""
+        return self.model.parameters
+
+    @property
+    def times(self) -> Array:
+        """The two recorded times (2,) [s], 0 and a quarter of the period."""
+        return np.array([0.0, 0.25 / self.frequency])
+
+    def cautions(self, parameters: ParameterSpace) -> tuple[str, ...]:
+        """What to beware of, a line each, with `parameters` in these ranges."""
+        lag = 1.0 / self._system.omega
+        return tuple(line for caution in self.model.cautions if (line := caution(parameters, lag)))
+
+    def solve(self, parameters: Parameters) -> Trajectory:
+        """Solve with all loads in one right-hand side.
+
+        Parameters
+        ----------
+        parameters : mapping of str to float
+
+        Returns
+        -------
+        Trajectory
+            States (n_dofs, 2) at t = 0 and t = T/4.
+
+        Raises
+        ------
+        ShapeError
+            If a parameter is missing or outside what the physics allows, or a loss is negative.
+        ConvergenceError
+            If the residual is not reached: the frequency is a resonance that nothing damps.
+        """
+        self._check(parameters)
+        weights = self._system.factors * self.model.amplitudes(parameters)
+        return Trajectory(phases(self._solve(parameters, weights[:, None])[:, 0]), self.times)
+
+    def responses(self, parameters: Parameters, loads: Sequence[str] | None = None) -> Responses:
+        """Solve for each load alone, with unit amplitude and one factorisation for all of them.
+
+        The loads' amplitudes in `parameters` have no influence; superpose the responses with any.
+
+        Parameters
+        ----------
+        parameters : mapping of str to float
+        loads : sequence of str, optional
+            Names of the loads; by default all.
+
+        Returns
+        -------
+        Responses
+            States (n_loads, n_dofs, 2).
+
+        Raises
+        ------
+        ShapeError
+            As `solve`, or if the model has no such load.
+        ConvergenceError
+            As `solve`.
+        """
+        self._check(parameters)
+        every = [load.name for load in self.model.loads]
+        chosen = tuple(every if loads is None else loads)
+        if unknown := [name for name in chosen if name not in every]:
+            raise ShapeError(f"loads: got {', '.join(unknown)}, expected any of {', '.join(every)}")
+        weights = np.diag(self._system.factors)[:, [every.index(name) for name in chosen]]
+        return Responses(chosen, phases(self._solve(parameters, weights).T), self.times)
+
+    def amplitudes(self, parameters: Parameters, weights: Complex) -> Complex:
+        """Solve for loads of complex amplitudes of your own, with one factorisation for all of them.
+
+        Parameters
+        ----------
+        parameters : mapping of str to float
+            The loads' own amplitudes in it have no influence.
+        weights : (n_loads, k) complex array
+            Each load's amplitude in k motions, in place of its own and of its profile: 1 pushes as cos ωt.
+
+        Returns
+        -------
+        (n_dofs, k) complex array
+            ŷ of y(t) = Re(ŷ e^{iωt}).
+
+        Raises
+        ------
+        ShapeError, ConvergenceError
+            As `solve`.
+        """
+        self._check(parameters)
+        given = np.asarray(weights, dtype=np.complex128)
+        check_shape("weights", given, (len(self.model.loads), given.shape[-1] if given.ndim == 2 else 1))
+        return self._solve(parameters, given)
+
+    def _solve(self, parameters: Parameters, weights: Complex) -> Complex:
+        """Complex amplitudes (n_dofs, k) for loads (n_loads, k), the factors of their profiles included."""
+        system = self._system
+        at = system.at(parameters)
+        out = np.empty((self.space.n_dofs, weights.shape[1]), dtype=np.complex128)
+        out[system.constrained] = system.prescribed @ weights
+        out[system.free] = at.solve(at.right_side(weights), self.method, self.tolerance, self.analysis)
+        return out
+
+    def _check(self, parameters: Parameters) -> None:
+        missing = [name for name in self.parameters.names if name not in parameters]
+        if missing:
+            raise ShapeError(f"parameters: {', '.join(missing)} missing; expected {', '.join(self.parameters.names)}")
