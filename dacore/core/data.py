@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dacore.core.arrays import Array
+from dacore.core.display import Displayed
 from dacore.errors import CapabilityError, ShapeError
 
 Frame = Literal["world", "voxel"]
@@ -73,8 +74,8 @@ def check_sigma(what: str, sigma: Array | None) -> None:
         raise ShapeError(f"{what}: got a standard deviation (sigma) of {worst:g}, expected positive numbers")
 
 
-@dataclass(frozen=True, eq=False)
-class SensorData:
+@dataclass(frozen=True, eq=False, repr=False)
+class SensorData(Displayed):
     """Values of n sensors at t times.
 
     Parameters
@@ -141,8 +142,8 @@ class SensorData:
         _check_times(self.name, self.times, t)
 
 
-@dataclass(frozen=True, eq=False)
-class ImageData:
+@dataclass(frozen=True, eq=False, repr=False)
+class ImageData(Displayed):
     """An image of a field: values on a grid of voxels, of any affine.
 
     Parameters

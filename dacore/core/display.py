@@ -17,7 +17,7 @@ _ONE_LINE = 100
 # Borders are grey and see-through and text has the page's own colour, so that light and dark pages both do.
 _TABLE = "border-collapse:collapse;margin:.3em 0;color:inherit;background:transparent;font-size:.95em"
 _CELL = "text-align:left;padding:.15em .8em .15em 0;vertical-align:top;border:0;border-bottom:1px solid #8883"
-_HEAD = f"{_CELL};font-weight:normal;opacity:.65"
+_HEAD = f"{_CELL};font-weight:normal;opacity:.65;white-space:nowrap"
 
 
 @dataclass(frozen=True)

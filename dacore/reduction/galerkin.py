@@ -15,11 +15,12 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from dacore.core.arrays import Array
+from dacore.core.display import Displayed
 from dacore.reduction.split import SplitModel
 
 
-@dataclass(frozen=True, eq=False)
-class TestedTerm:
+@dataclass(frozen=True, eq=False, repr=False)
+class TestedTerm(Displayed):
     """A term of the operator tested from the left and applied to modes and loads.
 
     Parameters
@@ -35,8 +36,8 @@ class TestedTerm:
     lifted: Array
 
 
-@dataclass(frozen=True, eq=False)
-class Tested:
+@dataclass(frozen=True, eq=False, repr=False)
+class Tested(Displayed):
     """All terms and forces, tested from the left: what a step of a reduced model needs.
 
     Parameters

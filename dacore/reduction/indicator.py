@@ -17,6 +17,7 @@ import numpy as np
 
 from dacore.algebra.linear_solver import prepared
 from dacore.core.arrays import Array
+from dacore.core.display import Displayed
 from dacore.core.parameters import ParameterSpace
 from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.system import StepSystem
@@ -59,8 +60,8 @@ def random_tests(
     return Sketch(split, split.free_parts(y))
 
 
-@dataclass(frozen=True, eq=False)
-class Indicator:
+@dataclass(frozen=True, eq=False, repr=False)
+class Indicator(Displayed):
     """Random tests on the modes of a reduced model, and what turns them into errors.
 
     Parameters

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
 from dacore.core.arrays import Array
+from dacore.core.display import Displayed
 from dacore.core.model import Load
 from dacore.core.timegrid import TimeGrid
 from dacore.dynamics.march import MarchedModel
@@ -25,8 +26,8 @@ _CHUNK_BYTES = 256 * 2**20
 Solve = Callable[[Array], Array]
 
 
-@dataclass(frozen=True, eq=False)
-class Balance:
+@dataclass(frozen=True, eq=False, repr=False)
+class Balance(Displayed):
     """What a step balances: y_*, its derivatives and the loads there, K samples side by side.
 
     Parameters
@@ -50,8 +51,8 @@ class Balance:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class ReducedMarch:
+@dataclass(frozen=True, eq=False, repr=False)
+class ReducedMarch(Displayed):
     """A reduced model, its time grid and its scheme.
 
     Parameters

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dacore.core.arrays import Array, BoolArray, IntArray, Sparse
+from dacore.core.display import Displayed
 from dacore.core.model import AffineModel, AffineTerm, Coefficient
 from dacore.core.parameters import Parameters
 from dacore.core.space import Product
@@ -14,8 +15,8 @@ from dacore.dynamics.system import initial_states, stack
 from dacore.errors import CapabilityError
 
 
-@dataclass(frozen=True, eq=False)
-class SplitTerm:
+@dataclass(frozen=True, eq=False, repr=False)
+class SplitTerm(Displayed):
     """One term of the operator by fields.
 
     Parameters

@@ -9,14 +9,15 @@ from typing import overload
 import numpy as np
 
 from dacore.core.arrays import Array
+from dacore.core.display import Card, Displayed, count
 from dacore.core.model import Trajectory
 from dacore.errors import StoreError
 from dacore.io.atomic import atomic_write
 from dacore.io.snapshots import TrajectoryStore
 
 
-@dataclass(frozen=True)
-class TrajectorySet(Sequence[Trajectory]):
+@dataclass(frozen=True, repr=False)
+class TrajectorySet(Displayed, Sequence[Trajectory]):
     """Trajectories in a store, read one at a time.
 
     Parameters
@@ -36,6 +37,10 @@ class TrajectorySet(Sequence[Trajectory]):
     solved: int
     mend: Callable[[], int] | None = None
     less_mean: tuple[slice, ...] = ()
+
+    def _card(self) -> Card:
+        facts = ("trajectories", count(len(self))), ("solved in this run", count(self.solved))
+        return Card("TrajectorySet", (*facts, ("in", str(self.store.folder))))
 
     def __len__(self) -> int:
         return len(self.samples)
