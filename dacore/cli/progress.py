@@ -151,6 +151,8 @@ def print_plugins(rows: Sequence[Row]) -> None:
         status = Text(row.status, style="green" if ready else "red")
         if row.install:
             status.append(f"\n{row.install}", style="")
-        source = [f"{row.distribution} {row.version}"] if wide else []
-        table.add_row(row.kind, row.name, status, *source, row.summary)
+        origin, what = f"{row.distribution} {row.version}".strip(), row.summary
+        if not wide and (not row.version or row.status.startswith("failed")):
+            what = f"{what} (from {origin})".strip()  # of a scene's own file, or one that somebody has to look for
+        table.add_row(row.kind, row.name, status, *([origin] if wide else []), what)
     console.print(table)
