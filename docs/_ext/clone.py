@@ -6,10 +6,29 @@ import sys
 from pathlib import Path
 
 _READ = ("examples", "plugins", "dacore")
+# In a notebook a command that fails is no error; on the site it must be one.
 _STARTUP = """import os
-os.chdir({folder!r})
+import subprocess
+
 import matplotlib
+
+os.chdir({folder!r})
+# A command writes to a page, not to a terminal.
+for name in ("FORCE_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "PAGER", "GIT_PAGER"):
+    os.environ.pop(name, None)
+os.environ.update(TERM="dumb", COLUMNS="100", PYTHONUNBUFFERED="1")
 matplotlib.rcParams["figure.dpi"] = 110
+
+
+def _system(command):
+    line = get_ipython().var_expand(command, depth=1)
+    done = subprocess.run(line, shell=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    print(done.stdout, end="")
+    if done.returncode:
+        raise RuntimeError(f"exit status {{done.returncode}}: {{line}}")
+
+
+get_ipython().system = _system
 """
 
 
