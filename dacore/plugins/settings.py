@@ -28,6 +28,7 @@ from typing import (
     get_type_hints,
 )
 
+from dacore.deprecation import Renamed, renamed_keys
 from dacore.errors import DacoreError, PluginError, SceneError
 
 if TYPE_CHECKING:
@@ -71,7 +72,8 @@ def build(cls: type[T], table: Mapping[str, Any], where: str, base: Path | None 
     cls : type
         A dataclass, or a class without settings. Fields may be bool, int, float, str, Path,
         Literal, tuples, lists, mappings, other dataclasses, and optionals and unions of these,
-        also with the constraints of `annotated_types`. NaN and infinity are refused.
+        also with the constraints of `annotated_types`. NaN and infinity are refused. A class variable
+        ``renamed`` (mapping of old keys to `dacore.deprecation.Renamed`) keeps old scenes alive.
     table : mapping
         Keys and values as ``tomllib`` gives them.
     where : str
@@ -91,6 +93,9 @@ def build(cls: type[T], table: Mapping[str, Any], where: str, base: Path | None 
     PluginError
         If a field of `cls` has an annotation that no scene can fill.
     """
+    old = getattr(cls, "renamed", None)  # or a field of that name, which is none of our business
+    if isinstance(old, Mapping) and isinstance(table, Mapping):
+        table = renamed_keys(table, {key: value for key, value in old.items() if isinstance(value, Renamed)}, where)
     try:
         return _build(cls, table, base)
     except _TableError as error:
