@@ -25,10 +25,12 @@ class Column:
     frequency : float [Hz]
     height : float [cm]
     load : float [dyn/cm²]
+    loss : float
+        Loss factor η of the drained skeleton.
 
     Notes
     -----
-    With u = Re(û e^{iωt}), D the drained uniaxial modulus and k the mobility::
+    With u = Re(û e^{iωt}), D the drained uniaxial modulus times 1 + iη and k the mobility::
 
         −ρω² û − D û'' + α p̂' = 0,        iω S p̂ + iω α û' − k p̂'' = 0
 
@@ -40,11 +42,14 @@ class Column:
     frequency: float
     height: float = 1.0
     load: float = 1.0e3
+    loss: float = 0.0
 
     def __post_init__(self) -> None:
         medium = self.medium
         if not (self.frequency > 0 and self.height > 0):
             raise ShapeError(f"column: got {self.frequency} Hz and {self.height} cm, expected positive numbers")
+        if not 0 <= self.loss < np.inf:
+            raise ShapeError(f"column: got the loss {self.loss}, expected a number, zero or more")
         if not (np.isfinite(medium.undrained_bulk) and medium.kappa > 0):
             raise ShapeError("column: expected alpha · skempton < 1 and kappa > 0, or there are no two waves")
 
@@ -54,10 +59,15 @@ class Column:
         return 2 * np.pi * self.frequency
 
     @property
+    def modulus(self) -> complex:
+        """D [dyn/cm²]: uniaxial, drained, complex where there is a loss."""
+        return complex(self.medium.uniaxial * (1 + 1j * self.loss))
+
+    @property
     def wave_numbers(self) -> NDArray[np.complex128]:
         """Wave numbers m (2,) [1/cm] of the fast and the slow wave, with positive real parts."""
         medium, omega = self.medium, self.omega
-        stiff, k, inertia = medium.uniaxial, medium.mobility, medium.density * self.omega**2
+        stiff, k, inertia = self.modulus, medium.mobility, medium.density * self.omega**2
         storage = medium.alpha**2 / (medium.undrained_bulk - medium.bulk)
         middle = inertia * k - 1j * omega * (stiff * storage + medium.alpha**2)
         squares = np.roots([stiff * k, middle, -1j * omega * inertia * storage])
@@ -75,14 +85,12 @@ class Column:
     @property
     def _ratios(self) -> NDArray[np.complex128]:
         m, medium = self.wave_numbers, self.medium
-        return np.asarray((medium.density * self.omega**2 + medium.uniaxial * m**2) / (medium.alpha * m))
+        return np.asarray((medium.density * self.omega**2 + self.modulus * m**2) / (medium.alpha * m))
 
     @property
     def _weights(self) -> NDArray[np.complex128]:
         """A (2,): p̂ = 0 and D û' = load at x = height, the shapes being scaled to cosh(m height)."""
-        return np.asarray(
-            np.linalg.solve(np.stack([self._ratios, self.medium.uniaxial * self.wave_numbers]), [0.0, self.load])
-        )
+        return np.asarray(np.linalg.solve(np.stack([self._ratios, self.modulus * self.wave_numbers]), [0.0, self.load]))
 
     def _shapes(self, x: Array, sign: float) -> NDArray[np.complex128]:
         """Return cosh(m x)/cosh(m height) for sign = 1, sinh(m x)/cosh(m height) for −1, without overflow: (n, 2)."""
