@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dacore.core.arrays import Array, IntArray
@@ -38,6 +39,13 @@ class InfSupCurve:
 def inf_sup(curves: Sequence[InfSupCurve], caption: str = "") -> Figure:
     """Draw β_n = min over V_n of ‖Π_W v‖/‖v‖ (docs/method.md: PBDW) for several spaces or observations."""
     figure, ((axes,),) = sheet(1, 1, 3.6, caption, width=7.0)
+    draw_inf_sup(axes, curves)
+    legend_below(figure, [axes])
+    return figure
+
+
+def draw_inf_sup(axes: Axes, curves: Sequence[InfSupCurve]) -> None:
+    """Draw β_n in axes."""
     log_axis(axes)
     for index, curve in enumerate(curves):
         family(axes, curve.dimensions, curve.values, index, curve.label)
@@ -45,5 +53,3 @@ def inf_sup(curves: Sequence[InfSupCurve], caption: str = "") -> Figure:
     axes.set(xlabel="dimension $n$", ylabel=r"stability constant $\beta_n$  [–]")
     top = axes.get_ylim()[1]
     axes.set_ylim(top=max(top, 1.3))
-    legend_below(figure, [axes])
-    return figure

@@ -3,6 +3,7 @@
 import re
 import textwrap
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from functools import wraps
 from io import BytesIO
 from typing import Any, ParamSpec
@@ -76,12 +77,18 @@ _LOOK: Any = {
 }
 
 
+def look() -> AbstractContextManager[None]:
+    """Draw in the common look: ``with look(): ...`` leaves matplotlib's settings as they were."""
+    # Entered by whoever draws; its type is matplotlib's own.
+    return mpl.rc_context(_LOOK)
+
+
 def styled(make: Callable[P, Figure]) -> Callable[P, Figure]:
     """Run a figure function under the common look, leaving matplotlib's settings as they were."""
 
     @wraps(make)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        with mpl.rc_context(_LOOK):
+        with look():
             return make(*args, **kwargs)
 
     return wrapper
@@ -114,7 +121,7 @@ def svg(figure: Figure) -> bytes:
 
 def _render(figure: Figure, **options: Any) -> bytes:
     buffer = BytesIO()
-    with mpl.rc_context(_LOOK):
+    with look():
         figure.savefig(buffer, bbox_inches="tight", pad_inches=0.08, **options)
     return buffer.getvalue()
 
