@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, cast
 import typer
 
 from dacore import __version__
+from dacore.cli.reconstruct import reconstruct
 from dacore.errors import DacoreError, MissingDependencyError, SceneError
 
 if TYPE_CHECKING:
@@ -227,6 +228,9 @@ def stress(
         typer.echo(f"error: {each.case.name}: {each.verdict}: {each.said}", err=True)
     if found.failed:
         raise typer.Exit(1)
+
+
+app.command()(reconstruct)
 
 
 @app.command()

@@ -46,6 +46,12 @@ def sweep(folder: Path) -> None:
                     Path(entry.path).unlink()
 
 
+def abandoned(entry: os.DirEntry[str]) -> bool:
+    """Whether something is named as temporary by a process that no longer lives."""
+    found = _NAME.fullmatch(entry.name)
+    return found is not None and _abandoned(entry, found)
+
+
 @contextmanager
 def present(folder: Path) -> Iterator[int]:
     """Tell other processes that this one works in `folder`, and learn how many living ones began before.

@@ -1,0 +1,1 @@
+"""From measured data in files to a state, quantities and a report."""

@@ -1,0 +1,170 @@
+"""Which recorded steps data are of, and which of them, with which functionals, are used."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dacore.core.arrays import Array, BoolArray, IntArray
+from dacore.errors import ShapeError
+from dacore.workflow.drawn import time_text
+from dacore.workflow.reconstruct.target import Fitted, Target
+
+# Times differ by rounding: this part of a step is none.
+_NEAR = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Used:
+    """Data that an estimator takes.
+
+    Parameters
+    ----------
+    values : (m, t) array
+        At the steps that are used; NaN where the mask leaves a functional out.
+    sigma : (m, t) array or None
+    steps : (t,) int array
+        Of the recorded times.
+    mask : (m,) bool array
+        Functionals that are used.
+    """
+
+    values: Array
+    sigma: Array | None
+    steps: IntArray
+    mask: BoolArray
+
+    @property
+    def count(self) -> int:
+        """Number of values."""
+        return int(self.mask.sum()) * len(self.steps)
+
+
+def on_steps(data: Fitted, values: Array, target: Target, notes: list[str]) -> tuple[Array, Array | None]:
+    """Values and deviations (m, t) at the steps that the scene measures; NaN where there is none.
+
+    Parameters
+    ----------
+    data : Fitted
+    values : (m, ·) array
+        Those of the data, or the same read in another way.
+    target : Target
+    notes : list of str
+        Is added to.
+
+    Raises
+    ------
+    ShapeError
+        If no time is one of the scene's, or nobody says which are which.
+    """
+    if np.iscomplexobj(values):
+        return _harmonic(data, values, target, notes)
+    columns = _columns(data, target, notes)
+    out = np.full((len(values), len(target.observed)), np.nan)
+    sigma = None if data.sigma is None else np.full(out.shape, np.nan)
+    for step, column in enumerate(columns):
+        if column >= 0:
+            out[:, step] = values[:, column]
+            if sigma is not None and data.sigma is not None:
+                sigma[:, step] = data.sigma[:, column]
+    return out, sigma
+
+
+def _columns(data: Fitted, target: Target, notes: list[str]) -> list[int]:
+    """For each step that is measured, the column of the data, or -1."""
+    count, times = data.values.shape[1], target.times[target.observed]
+    if data.times is None:
+        if count == len(times):
+            if count > 1:
+                notes.append(f"{data.name}: nobody says when its {count} volumes are of; taken for the steps in order")
+            return list(range(count))
+        what = "one time" if count == 1 else f"{count} times"
+        raise ShapeError(
+            f"{data.name}: values of {what}, and nobody says when; the scene measures {len(times)} steps, from "
+            f"{time_text(times[0])} to {time_text(times[-1])}: give --times, or --set observed.steps=[...]"
+        )
+    step = float(np.diff(target.times).min()) if len(target.times) > 1 else abs(float(target.times[0])) or 1.0
+    gap = np.abs(data.times[:, None] - times[None, :])
+    near = gap <= _NEAR * step
+    if not near.any():
+        k, j = np.unravel_index(int(gap.argmin()), gap.shape)
+        raise ShapeError(
+            f"{data.name}: none of its times is one that the scene measures; the nearest is {data.times[k]:.6g} s "
+            f"beside {times[j]:.6g} s. They run from {data.times.min():.6g} to {data.times.max():.6g} s, the scene's "
+            f"from {times[0]:.6g} to {times[-1]:.6g} s; give --times if they are counted otherwise"
+        )
+    lost = int((~near.any(axis=1)).sum())
+    if lost:
+        notes.append(f"{data.name}: {lost} of {len(data.times)} times are none that the scene measures; left out")
+    return [int(np.argmax(near[:, j])) if near[:, j].any() else -1 for j in range(len(times))]
+
+
+def _harmonic(data: Fitted, values: Array, target: Target, notes: list[str]) -> tuple[Array, Array | None]:
+    """Re(v exp(iωt)) at the steps that are measured."""
+    times = target.times[target.observed]
+    if values.shape[1] != 1:
+        raise ShapeError(f"{data.name}: complex values at {values.shape[1]} times; expected one phasor for each place")
+    frequency = data.frequency
+    if frequency is None and len(times) == 2 and len(target.times) == 2:
+        frequency = 0.25 / float(times[1] - times[0])
+        notes.append(
+            f"{data.name}: nobody says the frequency; taken as {frequency:.6g} Hz, of which the scene's two times are "
+            "a quarter of a period apart"
+        )
+    if frequency is None or not (np.isfinite(frequency) and frequency > 0):
+        raise ShapeError(f"{data.name}: complex values, and nobody says of which frequency; give --frequency in Hz")
+    turns = np.exp(2j * np.pi * frequency * times)
+    out = np.real(values * turns[None, :])
+    sigma = None if data.sigma is None else np.where(np.isnan(out), np.nan, data.sigma)
+    return out, sigma
+
+
+def merge(parts: Sequence[tuple[str, Array, Array | None]], target: Target) -> tuple[Array, Array | None]:
+    """Put data of several files together; ShapeError if two give the same measurement."""
+    values = np.full((target.count, len(target.observed)), np.nan)
+    sigma = None if any(each[2] is None for each in parts) else np.full(values.shape, np.nan)
+    if sigma is None and any(each[2] is not None for each in parts):
+        raise ShapeError("data: some files say sigma and others do not; give it in all, or --noise for all of them")
+    whose = np.full(values.shape, -1)
+    for number, (name, some, spread) in enumerate(parts):
+        here = ~np.isnan(some)
+        if (whose[here] >= 0).any():
+            row = int(np.flatnonzero((here & (whose >= 0)).any(axis=1))[0])
+            other = parts[int(whose[row].max())][0]
+            raise ShapeError(f"{name}: {target.functionals.labels[row]} is measured in {other}, too; give it once")
+        values[here], whose[here] = some[here], number
+        if sigma is not None and spread is not None:
+            sigma[here] = spread[here]
+    return values, sigma
+
+
+def choose(values: Array, sigma: Array | None, target: Target, notes: list[str]) -> Used:
+    """Choose steps and functionals without gaps that keep most values.
+
+    An estimator takes the same functionals at every step. Steps are sorted by what is missing in them; of the first
+    so many, and the functionals that have values at all of these, the most values are kept.
+    """
+    there = ~np.isnan(values)
+    order = np.argsort(-there.sum(axis=0), kind="stable")
+    complete = np.logical_and.accumulate(there[:, order], axis=1)
+    kept = complete.sum(axis=0) * np.arange(1, len(order) + 1)
+    last = len(kept) - 1 - int(np.argmax(kept[::-1]))
+    if kept[last] == 0:
+        raise ShapeError("data: no measurement of the scene has a value; nothing can be reconstructed")
+    chosen = np.sort(order[: last + 1])
+    mask = np.asarray(there[:, chosen].all(axis=1))
+    absent = int((~there.any(axis=1)).sum())
+    if absent:
+        notes.append(f"{absent} of {len(values)} measurements of the scene have no value ({absent / len(values):.0%})")
+    if len(chosen) < len(target.observed):
+        notes.append(f"{len(chosen)} of the {len(target.observed)} steps that the scene measures are used")
+    lost = int(there.sum()) - int(kept[last])
+    if lost:
+        notes.append(
+            f"{lost} of {int(there.sum())} values are not used: the same measurements are taken at every step, and "
+            "these have gaps"
+        )
+    return Used(
+        np.where(mask[:, None], values[:, chosen], np.nan), None if sigma is None else sigma[:, chosen],
+        target.observed[chosen], mask,
+    )  # fmt: skip
