@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from scipy.stats import norm
 
 from dacore.core.arrays import Array
@@ -90,6 +91,9 @@ def data_fit(series: Sequence[FitSeries], caption: str = "") -> Figure:
     right.set_ylabel("density")
     right.set_title("residuals")
     legend_below(figure, [left, right])
+    for handle in figure.legends[0].legend_handles[:]:
+        if isinstance(handle, Line2D) and handle.get_marker() == ".":
+            handle.set(markersize=9, alpha=1.0)
     return figure
 
 

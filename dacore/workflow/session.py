@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +24,10 @@ from dacore.studies.outcomes import Judged, Validation
 from dacore.studies.reduction import UnseenErrors
 from dacore.studies.refinement import Refinement
 from dacore.workflow.build import Builder
+
+if TYPE_CHECKING:
+    from dacore.core.data import Data, Frame
+    from dacore.workflow.reconstruct.result import Reconstruction
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -223,6 +229,69 @@ class Session(Displayed):
         self._known(estimator)
         made: PreparedEstimator = self.runner[f"prepared.{estimator}"]
         return made
+
+    def reconstruct(
+        self,
+        data: "Path | str | Data | Sequence[Path | str | Data]",
+        *,
+        unit: str | None = None,
+        noise: str | float | None = None,
+        estimator: str | None = None,
+        times: Sequence[float] | None = None,
+        frequency: float | None = None,
+        field: str | None = None,
+        components: Sequence[int] = (),
+        frame: "Frame" = "world",
+        mask: Path | str | None = None,
+        phase: Sequence[Path | str] = (),
+        tolerance: float | None = None,
+    ) -> "Reconstruction":
+        """Reconstruct state and quantities from measured data, as ``dacore reconstruct`` does (docs/data.md).
+
+        Parameters
+        ----------
+        data : file, files or data
+            CSV, NPZ, HDF5 or NIfTI; or `SensorData` or `ImageData` of `dacore.core.data`.
+        unit : str, optional
+            Of the values, if no file says it.
+        noise : str or float, optional
+            "5%" of the largest value, "0.2 um", or a number in the data's unit; 0 for exact data.
+        estimator : str, optional
+            One of the scene's; its last by default.
+        times : sequence of float, optional [s]
+            Of the volumes.
+        frequency : float, optional [Hz]
+            Of the drive, for complex data.
+        field : str, optional
+            Which field was measured.
+        components : sequence of int
+            Components of the files, in their order.
+        frame : {"world", "voxel"}
+            Axes of an image's vectors.
+        mask : path, optional
+            Image, zero where nothing is measured.
+        phase : sequence of paths
+            Phases [rad] of amplitudes, one a file of data.
+        tolerance : float, optional [cm]
+            How far sensors may be from where the scene has them.
+
+        Returns
+        -------
+        Reconstruction
+
+        Raises
+        ------
+        DacoreError
+            If the data cannot be read, do not fit the scene, or contradict what was learned beyond all doubt.
+        """
+        from dacore.core.data import Asked
+        from dacore.workflow.reconstruct.run import reconstruct
+
+        asked = Asked(
+            unit, None if times is None else tuple(float(t) for t in times), frequency, field, tuple(components), frame,
+            None if mask is None else Path(mask), tuple(Path(each) for each in phase),
+        )  # fmt: skip
+        return reconstruct(self, data, asked=asked, noise=noise, estimator=estimator, tolerance=tolerance)
 
     def _known(self, estimator: str) -> None:
         if estimator not in self.scene.estimator:

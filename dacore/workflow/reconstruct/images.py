@@ -54,9 +54,7 @@ def fit_image(data: ImageData, target: Target) -> Fitted:
         raise ShapeError(f"{data.name}: {_mismatch(data, affine, where, away, target)}")
     _same_edges(data, target, numbers)
     inside = _inside(numbers, data.shape)
-    notes = list(data.notes)
-    if not inside.all():
-        notes.append(_outside(data, numbers, inside))
+    warnings = [] if inside.all() else [_outside(data, numbers, inside)]
     weights = _weights(data, target, rows)
     units = {target.units[row] for row in rows}
     if data.unit is None:
@@ -86,7 +84,7 @@ def fit_image(data: ImageData, target: Target) -> Fitted:
     others = [(name, read(turned, numbers)) for name, turned in (*_turned_arrays(data), *_components(data))]
     others += [(name, read(data.values, moved)) for name, moved in _shifted(data, numbers)]
     given = int((~np.isnan(values)).sum())
-    return Fitted(data.name, values, data.times, sigma, data.frequency, given, notes, others)
+    return Fitted(data.name, values, data.times, sigma, data.frequency, given, list(data.notes), warnings, others)
 
 
 def to_index(affine: Array, points: Array) -> Array:

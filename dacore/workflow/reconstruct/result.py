@@ -3,19 +3,24 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dacore.core.arrays import Array
 from dacore.core.data import Data, ImageData
+from dacore.core.display import Card, Displayed, Rows
 from dacore.core.estimator import Estimate
 from dacore.workflow.reconstruct.read import Source
 from dacore.workflow.reconstruct.steps import Used
 from dacore.workflow.reconstruct.target import Target
 from dacore.workflow.session import Session
+from dacore.workflow.tables import value_text
 
 LEVEL = 0.9
+# Less than this part of the residual that was expected says that the noise is overstated.
+_FAR_LESS = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +50,8 @@ class Number:
     training: float
 
 
-@dataclass(frozen=True, eq=False)
-class Reconstruction:
+@dataclass(frozen=True, eq=False, repr=False)
+class Reconstruction(Displayed):
     """A state and numbers from measured data.
 
     Parameters
@@ -164,7 +169,57 @@ class Reconstruction:
                 f"The data contradict the model, the training set or the noise that was stated: what is left of them "
                 f"is {ratio:.3g} times what was expected (probability {probability:.1e}). Do not trust the intervals."
             )
-        return (
+        agree = (
             f"The data agree with the model, the training set and the noise that was stated: what is left of them is "
             f"{ratio:.3g} times what was expected (probability {probability:.2g})."
+        )
+        if ratio < _FAR_LESS and (self.sigma[self.used.mask] > 0).all():
+            return (
+                f"{agree} That is far less: there may be less noise than was stated, and more to learn from the data."
+            )
+        return agree
+
+    def write(self, folder: str | Path) -> list[Path]:
+        """Write numbers, fields, images and the report into a folder; it appears whole, or what was there stays.
+
+        Parameters
+        ----------
+        folder : path
+            An earlier reconstruction there is replaced; anything else is refused.
+
+        Returns
+        -------
+        list of Path
+            Files that a reader opens first.
+
+        Raises
+        ------
+        StoreError
+            If the folder holds something else, or cannot be written.
+        """
+        from dacore.workflow.reconstruct.output import publish
+
+        where = self.session.builder.where
+        return publish(self, Path(folder), f"Session.reconstruct of {where}")
+
+    def _card(self) -> Card:
+        used = self.used
+        rows = tuple(
+            (
+                n.quantity if n.time is None else f"{n.quantity}, t = {n.time:g} s", value_text(n.value, n.deviation),
+                "–" if not np.isfinite(n.low) else f"{n.low:.6g} to {n.high:.6g}", n.unit,
+            )
+            for n in self.numbers
+        )  # fmt: skip
+        return Card(
+            f"Reconstruction: {self.session.scene.title}",
+            (
+                ("data", ", ".join(each.name for each in self.data)),
+                ("estimator", self.estimator),
+                ("used", f"{int(used.mask.sum())} of {self.target.count} measurements at {len(used.steps)} steps"),
+                ("fit", self.verdict),
+                *(("beware", line) for line in self.warnings),
+                *(("supposed", line) for line in self.notes),
+            ),
+            (Rows(("quantity", "estimate ± standard deviation", f"{100 * LEVEL:g}% interval", "unit"), rows),),
         )

@@ -27,7 +27,7 @@ from dacore.workflow.session import Session
 
 def reconstruct(
     session: Session,
-    data: Path | str | Data | Sequence[Path | str] | Sequence[Data],
+    data: Path | str | Data | Sequence[Path | str | Data],
     *,
     asked: Asked | None = None,
     noise: str | float | None = None,
@@ -76,20 +76,22 @@ def reconstruct(
         raise SceneError("data: got none; expected files or values")
     target = target_of(session)
     notes: list[str] = []
+    warnings: list[str] = []
     fitted = [_fit(each, target, tolerance) for each in given]
     for each in fitted:
         notes += each.notes
+        warnings += each.warnings
     parts = [(each.name, *on_steps(each, each.values, target, notes)) for each in fitted]
-    used = choose(*merge(parts, target), target, notes)
+    used = choose(*merge(parts, target), target, warnings)
     unit = given[0].unit if len({each.unit for each in given}) == 1 else None
     levels = list(session.scene.noise.levels)
     asked_noise = None if noise is None else str(noise)
     sigma = deviations(used, asked_noise, levels, target.units, unit, notes)
-    warnings = _checks(session, target, fitted, used, sigma, unit)
+    doubts = _checks(session, target, fitted, used, sigma, unit)
     with _listening() as heard:
         estimate = _estimate(session, name, used, sigma)
-    # The estimator's own doubts about size say less than ours.
-    warnings += [line for line in heard if not (warnings and line.startswith("data:"))]
+    # The estimator's own doubts about the data's size say less than ours.
+    warnings += [*doubts, *(line for line in heard if not (doubts and line.startswith("data:")))]
     result = Reconstruction(
         session, name, estimate, target, used, sigma, given, sources, tuple(warnings), tuple(dict.fromkeys(notes)),
         time.perf_counter() - started,

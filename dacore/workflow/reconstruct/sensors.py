@@ -32,7 +32,7 @@ def fit_sensors(data: SensorData, target: Target, tolerance: float | None = None
     SceneError
         If their unit is unknown, or does not measure what the scene measures.
     """
-    notes = list(data.notes)
+    warnings: list[str] = []
     # Labels that somebody gave sensors of his own are names only, where there are positions.
     if data.labels and (data.places is None or set(data.labels) & set(target.functionals.labels)):
         rows, sign, lost = _by_label(data, target)
@@ -43,7 +43,7 @@ def fit_sensors(data: SensorData, target: Target, tolerance: float | None = None
         raise ShapeError(f"{data.name}: none of {len(rows)} sensors is one of the scene's; {lost[0]}")
     if lost:
         more = f" and {len(lost) - _SHOWN} more" if len(lost) > _SHOWN else ""
-        notes.append(
+        warnings.append(
             f"{data.name}: {len(lost)} of {len(rows)} sensors are none of the scene's and are left out: "
             f"{'; '.join(lost[:_SHOWN])}{more}"
         )
@@ -63,7 +63,7 @@ def fit_sensors(data: SensorData, target: Target, tolerance: float | None = None
         if gaps.any():
             raise ShapeError(f"{data.name}: {int(gaps.sum())} values have no sigma and others have; give all or none")
     given = int((~np.isnan(data.values)).sum())
-    return Fitted(data.name, values, data.times, sigma, data.frequency, given, notes)
+    return Fitted(data.name, values, data.times, sigma, data.frequency, given, list(data.notes), warnings)
 
 
 def _name(data: SensorData, k: int) -> str:

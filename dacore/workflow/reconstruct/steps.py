@@ -138,7 +138,7 @@ def merge(parts: Sequence[tuple[str, Array, Array | None]], target: Target) -> t
     return values, sigma
 
 
-def choose(values: Array, sigma: Array | None, target: Target, notes: list[str]) -> Used:
+def choose(values: Array, sigma: Array | None, target: Target, warnings: list[str]) -> Used:
     """Choose steps and functionals without gaps that keep most values.
 
     An estimator takes the same functionals at every step. Steps are sorted by what is missing in them; of the first
@@ -155,12 +155,14 @@ def choose(values: Array, sigma: Array | None, target: Target, notes: list[str])
     mask = np.asarray(there[:, chosen].all(axis=1))
     absent = int((~there.any(axis=1)).sum())
     if absent:
-        notes.append(f"{absent} of {len(values)} measurements of the scene have no value ({absent / len(values):.0%})")
+        warnings.append(
+            f"{absent} of {len(values)} measurements of the scene have no value ({absent / len(values):.0%})"
+        )
     if len(chosen) < len(target.observed):
-        notes.append(f"{len(chosen)} of the {len(target.observed)} steps that the scene measures are used")
+        warnings.append(f"{len(chosen)} of the {len(target.observed)} steps that the scene measures are used")
     lost = int(there.sum()) - int(kept[last])
     if lost:
-        notes.append(
+        warnings.append(
             f"{lost} of {int(there.sum())} values are not used: the same measurements are taken at every step, and "
             "these have gaps"
         )

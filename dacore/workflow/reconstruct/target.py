@@ -82,8 +82,8 @@ class Fitted:
     frequency : float, optional [Hz]
     given : int
         Number of values that the files hold.
-    notes : list of str
-        What was supposed or left out, a line each.
+    notes, warnings : lists of str
+        What was supposed, and what was left out, a line each.
     others : list of (str, (m, t) array)
         The same data read in another way: with axes exchanged or turned round, for instance.
     """
@@ -95,6 +95,7 @@ class Fitted:
     frequency: float | None
     given: int
     notes: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
     others: list[tuple[str, Array]] = field(default_factory=list)
 
 
