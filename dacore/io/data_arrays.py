@@ -33,7 +33,7 @@ class NpzData(DataFormat):
         """Read one file; pickled objects are refused."""
         (path,) = files
         try:
-            with np.load(path, allow_pickle=False) as archive:
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
                 arrays = {name: archive[name] for name in archive.files}
         except FileNotFoundError as error:
             raise StoreError(f"{path}: no such file; expected arrays of numpy.savez") from error

@@ -2,11 +2,13 @@
 
 import re
 from functools import cache
+from tokenize import TokenError
 from typing import Any
 
 from dacore.errors import SceneError
 
 _HEADER = re.compile(r"\s*(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*")
+_WRITTEN = re.compile(r"[\w\s*/^().%°-]+")
 
 
 @cache
@@ -29,8 +31,10 @@ def factor(given: str, wanted: str, where: str) -> float:
     import pint
 
     try:
+        if not _WRITTEN.fullmatch(_plain(given)):
+            raise ValueError("no unit")
         return float(_registry().Quantity(1.0, _plain(given)).to(_plain(wanted)).magnitude)
-    except (pint.errors.PintError, AttributeError, TypeError, ValueError, AssertionError) as error:
+    except (pint.errors.PintError, AttributeError, TypeError, ValueError, AssertionError, TokenError) as error:
         raise SceneError(f"{where}: got the unit {given!r}, expected one that converts to {wanted!r}") from error
 
 

@@ -52,21 +52,21 @@ def check_size(used: Used, training: Array, units: Sequence[str], given: str | N
     values = used.values[used.mask]
     size = float(np.sqrt(np.mean(values**2)))
     sizes = np.sqrt((training**2).mean(axis=(0, 1)))
-    low, high = float(sizes.min()), float(sizes.max())
+    low, middle, high = (float(each) for each in (sizes.min(), np.median(sizes), sizes.max()))
     if high == 0:
         return None
     beyond = float(np.sqrt(max(size**2 - noise**2, 0.0)))
     if beyond > _ODD * high:
         ratio = beyond / high
-        text = f"values are about {_round(ratio)} times larger than anything in training"
+        text = f"values are about {_round(size / middle)} times larger than anything in training"
     elif size < low / _ODD:
         ratio = size / low
-        times = _round(low / size) if size > 0 else "infinitely many"
+        times = _round(middle / size) if size > 0 else "infinitely many"
         text = f"values are about {times} times smaller than anything in training"
     else:
         return None
     text += f" (root mean square {size:.3g} {units[0]}; training {low:.3g} to {high:.3g})"
-    text += _unit(size / float(np.median(sizes)), units, given) if size > 0 else "; are they measured at all?"
+    text += _unit(size / middle, units, given) if size > 0 else "; are they measured at all?"
     if not 1.0 / _HOPELESS < ratio < _HOPELESS:
         raise ShapeError(f"data: {text}")
     return f"{text}; what follows goes beyond what was learned"

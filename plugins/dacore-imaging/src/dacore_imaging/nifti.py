@@ -199,19 +199,18 @@ def _affine(name: str, header: Any, notes: list[str]) -> tuple[Array, float]:
         raise ShapeError(
             f"{name}: neither sform nor qform says where the image lies; set one of them, with a code above 0"
         )
-    affine = np.array(header.get_best_affine(), dtype=np.float64)
-    if sform > 0 and qform > 0:
-        other = np.array(header.get_qform(), dtype=np.float64)
-        gap = _gap(affine, other, header.get_data_shape()[:3])
-        if gap > 1e-2:
-            notes.append(
-                f"{name}: sform and qform put voxels up to {gap:.3g} voxels apart; the sform is taken, as is usual"
-            )
     unit = header.get_xyzt_units()[0]
     if unit not in _CENTIMETRES:
         notes.append(f"{name}: the header does not say the unit of its affine; taken as mm")
-        unit = "mm"
-    return affine, _CENTIMETRES[unit]
+    to_cm = _CENTIMETRES.get(unit, _CENTIMETRES["mm"])
+    affine = np.array(header.get_best_affine(), dtype=np.float64)
+    if sform > 0 and qform > 0:
+        other = np.array(header.get_qform(), dtype=np.float64)
+        shape = header.get_data_shape()[:3]
+        gap, how = _gap(to_cm * affine, to_cm * other, shape)
+        if gap > 1e-2:
+            notes.append(f"{name}: sform and qform put voxels up to {how} apart; the sform is taken, as is usual")
+    return affine, to_cm
 
 
 def _arranged(name: str, values: Any, header: Any, notes: list[str]) -> tuple[Any, Array | None]:
@@ -255,11 +254,14 @@ def _with_phase(values: Any, volumes: Sequence[_Volume], files: Sequence[Path]) 
     return values * np.exp(1j * np.concatenate([each.values for each in phases], axis=4))
 
 
-def _gap(one: Array, other: Array, shape: Sequence[int]) -> float:
-    """How far, in voxels, two affines put a corner of the image apart."""
+def _gap(one: Array, other: Array, shape: Sequence[int]) -> tuple[float, str]:
+    """How far two affines put a corner of the image apart: in voxels, and as text with the axis and the length."""
     corners = np.stack(np.meshgrid(*[[0, n - 1] for n in shape], indexing="ij"), axis=-1).reshape(-1, 3)
-    away = corners @ (one - other)[:3, :3].T + (one - other)[:3, 3]
-    return float((np.linalg.norm(away, axis=1) / np.linalg.norm(one[:3, :3], axis=0).min()).max())
+    away = corners @ (other - one)[:3, :3].T + (other - one)[:3, 3]
+    voxels = np.abs(np.linalg.solve(one[:3, :3], away.T).T)
+    worst = int(voxels.max(axis=0).argmax())
+    length = float(np.linalg.norm(away, axis=1).max())
+    return float(voxels.max()), f"{voxels.max():.3g} voxels along {'ijk'[worst]} ({10 * length:.3g} mm)"
 
 
 def _same_grid(volume: _Volume, name: str, shape: tuple[int, ...], affine: Array) -> None:
@@ -268,11 +270,10 @@ def _same_grid(volume: _Volume, name: str, shape: tuple[int, ...], affine: Array
         raise ShapeError(
             f"{name}: {' × '.join(map(str, shape))} voxels, expected {' × '.join(map(str, mine))} as {volume.name}"
         )
-    gap = _gap(volume.affine, affine, mine)
+    gap, how = _gap(volume.affine, affine, mine)
     if gap > _SAME:
         raise ShapeError(
-            f"{name}: its affine puts voxels up to {gap:.3g} voxels away from where {volume.name} has them; expected "
-            "one affine"
+            f"{name}: its affine puts voxels up to {how} away from where {volume.name} has them; expected one affine"
         )
 
 
