@@ -21,6 +21,7 @@ from dacore.figures.summary import draw_errors
 from dacore.plotting.axes import axes_for
 from dacore.studies.outcomes import PRIOR, Validation
 from dacore.workflow.session import Session
+from dacore.workflow.tables import value_text
 
 Estimates: TypeAlias = Estimate | Mapping[str, Estimate]
 
@@ -83,7 +84,11 @@ def plot_errors(
         labels = [f"{percent(level)} noise" if level else "no noise" for level in levels]
         draw_errors(drawn, wanted, labels, found, size(PRIOR, levels[0]), unit)
         drawn.set_yticks(np.arange(len(estimators))[::-1], [pretty(titles.get(name, name)) for name in estimators])
-        drawn.legend(loc="upper center", bbox_to_anchor=(0.4, -0.3), ncols=min(len(levels) + 1, 3))
+        drawn.legend(
+            loc="upper center",
+            bbox_to_anchor=(0.4, -0.6 / (0.45 * len(estimators) + 0.7)),
+            ncols=min(len(levels) + 1, 3),
+        )
     return drawn
 
 
@@ -237,7 +242,7 @@ def plot_parameters(
                            label="truth" if row == 0 else None)  # fmt: skip
             share = share_text(float(np.clip(found.learned[row, series], 0.0, 1.0)))
             drawn.text(
-                1.03, place, f"{value:.3g} ± {deviation:.2g}, {share} learned", va="center", fontsize=8, color=INK
+                1.03, place, f"{value_text(value, deviation)}, {share} learned", va="center", fontsize=8, color=INK
             )
             for end, text, side in ((0.0, number(each.low), "left"), (1.0, number(each.high), "right")):
                 drawn.text(end, place - 0.36, text, ha=side, va="center", fontsize=7, color=FAINT)
