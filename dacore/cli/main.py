@@ -250,6 +250,28 @@ def plugins(
     print_plugins(found.table())
 
 
+@app.command("new-plugin")
+def new_plugin(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="of the distribution, such as dacore-tumour")],
+    kinds: Annotated[
+        list[str] | None,
+        typer.Option("--kind", metavar="KIND", help="model, observation, quantity, … [model and observation]"),
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="where the folder NAME goes [.]")] = None,
+) -> None:
+    """Write an installable plugin to begin with: working code, tests, and a scene that uses it."""
+    from dacore.scaffold.kinds import DEFAULT
+    from dacore.scaffold.write import new_plugin as write
+
+    asked = [each.strip() for text in kinds or DEFAULT for each in text.split(",") if each.strip()]
+    folder = write(name, asked, out)
+    typer.echo(f"{folder}: a plugin with {', '.join(asked)}. Next:")
+    for line in (f"cd {folder}", "pip install -e '.[test]'", "pytest", "dacore run scene.toml"):
+        typer.echo(f"  {line}")
+    if not kinds:
+        typer.echo("Other kinds: --kind quantity --kind estimator, and so on; see dacore new-plugin --help")
+
+
 def _stages(text: str | None) -> list[str]:
     return [name.strip() for name in (text or "").split(",") if name.strip()]
 

@@ -1,0 +1,196 @@
+"""What `dacore new-plugin` writes is installed in a clean environment, tested and run there, and then broken.
+
+The environment is a new one: an interpreter whose only installed distributions are a wheel of dacore built from this
+checkout, the plugins that the scenes borrow, and what is written here. Third-party libraries are not downloaded again:
+links to those of the running environment, without its dacore and its plugins, stand in for them.
+"""
+
+import json
+import os
+import re
+import site
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from dacore.cli.main import main
+from dacore.errors import PluginError, StoreError
+from dacore.scaffold.kinds import DEFAULT, KINDS
+from dacore.scaffold.write import new_plugin, word
+
+ROOT = Path(__file__).resolve().parents[2]
+BORROWED = ("dacore-skfem", "dacore-biot", "dacore-imaging")
+PIP = ("-m", "pip", "install", "-q", "--disable-pip-version-check", "--no-deps", "--no-build-isolation")
+
+
+class Environment:
+    """A virtual environment and what is done in it."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
+        self.packages = next(folder.glob("lib/python*/site-packages"))
+        self._link_libraries()
+        self.run(*PIP, str(ROOT))
+        for name in BORROWED:
+            self.run(*PIP, str(ROOT / "plugins" / name))
+
+    def _link_libraries(self):
+        """Everything that is installed for the running interpreter, but dacore, its plugins, and what is there already."""
+        libraries = self.folder / "libraries"
+        libraries.mkdir()
+        places = [Path(place) for place in (*site.getsitepackages(), *sys.path) if "-packages" in place]
+        for place in places:
+            for entry in place.iterdir() if place.is_dir() else ():
+                ours = re.match(r"(_*editable_*.*)?_?dacore|.*\.(pth|egg-link)$|__editable__|__pycache__", entry.name)
+                link = libraries / entry.name
+                if not ours and not link.exists() and not (self.packages / entry.name).exists():
+                    link.symlink_to(entry)
+        (self.packages / "libraries.pth").write_text(f"{libraries}\n")
+
+    def run(self, *arguments, check=True, cwd=None):
+        """Run its Python; nothing of the running environment reaches it."""
+        kept = ("HOME", "LANG", "TMPDIR", "SSL_CERT_FILE")
+        environment = {key: os.environ[key] for key in kept if key in os.environ}
+        environment |= {"PATH": f"{self.folder / 'bin'}:/usr/bin:/bin", "PYTHONNOUSERSITE": "1"}
+        environment |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+        done = subprocess.run(
+            [str(self.folder / "bin/python"), *arguments], capture_output=True, text=True, env=environment,
+            cwd=cwd or self.folder,
+        )  # fmt: skip
+        assert not check or done.returncode == 0, done.stdout + done.stderr
+        return done
+
+    def dacore(self, *arguments, cwd, check=True):
+        """Run the command line that pip installed."""
+        return self.run(str(self.folder / "bin/dacore"), *arguments, cwd=cwd, check=check)
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory):
+    return Environment(tmp_path_factory.mktemp("clean") / "venv")
+
+
+def made(environment, place, name, *kinds):
+    """Write a plugin by the command line of the environment, and install it there as its README says."""
+    options = [part for kind in kinds for part in ("--kind", kind)]
+    environment.dacore("new-plugin", name, *options, cwd=place)
+    environment.run(*PIP, "-e", str(place / name))
+    return place / name
+
+
+@pytest.fixture(scope="module")
+def plugin(environment, tmp_path_factory):
+    """The default kinds, installed; the package is put back after each test that breaks it."""
+    return made(environment, tmp_path_factory.mktemp("plugin"), "dacore-tumour")
+
+
+def passed(done):
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "skipped" not in done.stdout
+    return int(re.search(r"(\d+) passed", done.stdout)[1])
+
+
+def test_the_environment_is_clean(environment):
+    """dacore is a wheel of its own there, and its templates came with it."""
+    code = (
+        "import dacore, sys; from importlib.metadata import entry_points; print(dacore.__file__); print(sys.prefix);"
+        "print(*sorted({p.dist.name for p in entry_points(group='dacore')}))"
+    )
+    file, prefix, distributions = environment.run("-c", code).stdout.splitlines()
+    assert file.startswith(str(environment.packages))
+    assert prefix == str(environment.folder)
+    assert not any(str(ROOT) in str(path) for path in environment.packages.glob("*.pth"))
+    assert set(distributions.split()) - {"dacore-tumour", "dacore-all"} == {"dacore", *BORROWED}
+
+
+def test_it_passes_its_tests_and_runs_from_its_scene(environment, plugin):
+    assert passed(environment.run("-m", "pytest", "-q", "-p", "no:cacheprovider", cwd=plugin)) >= 40
+    environment.dacore("run", "scene.toml", "--workers", "1", cwd=plugin)
+    results = json.loads((plugin / "runs/scene/results.json").read_text())
+    assert results["versions"]["dacore-tumour"] == "0.1.0"
+    (found,) = [o for o in results["validation"] if o["estimator"] == "minimum_variance" and o["noise"] == 0.0]
+    assert found["errors"]["c"]["mean"] < 0.1 * found["errors"]["c"]["of_the_training_mean"]
+    listed = environment.dacore("plugins", cwd=plugin).stdout
+    assert re.search(r"model +tumour +ready", listed)
+    assert re.search(r"observation +tumour_lines +ready", listed)
+
+
+def edited(old, new, where="model"):
+    def edit(package):
+        file = package / f"{where}.py"
+        text = file.read_text()
+        assert old in text
+        file.write_text(text.replace(old, new))
+
+    return edit
+
+
+def renamed(package):
+    (package / "model.py").rename(package / "modell.py")
+
+
+FAULTS = {
+    "module renamed": (renamed, "physics: model 'tumour' of dacore-tumour 0.1.0: dacore_tumour.model could not be "
+                       "imported: ModuleNotFoundError: No module named 'dacore_tumour.model'; PluginSpec names it"),
+    "class renamed": (edited("class ReactionDiffusion(", "class Reaction("), "dacore_tumour.model has no "
+                      "ReactionDiffusion; PluginSpec names it"),
+    "base class missing": (edited("ReactionDiffusion(Physics)", "ReactionDiffusion"), "dacore_tumour.model:"
+                           "ReactionDiffusion is not a subclass of dacore.core.model.Physics; derive it from that"),
+    "no dataclass": (edited("@dataclass(frozen=True)\nclass R", "class R"), "is no dataclass; put @dataclass(frozen=True) "
+                     "above it"),
+    "abstract method missing": (edited("def build(", "def built("), "leaves build abstract; implement every abstract "
+                                "method"),
+    "setting without a default": (edited('inlet: str = "inlet"', "inlet: str"), "physics.inlet: missing; expected text"),
+    "setting of an unsupported type": (edited("rise: float = 2.0", "rise: np.ndarray | float = 2.0"), "field rise is "
+                                       "annotated"),
+    "functionals of another space": (edited("csr_array(vstack(rows, format=\"csr\"))",
+                                            "csr_array(vstack(rows, format=\"csr\"))[:, :-1]", "observation"),
+                                     "observation.lines: functionals have 152 columns, expected 153, one for each"),
+    "no functionals": (edited("return Functionals(", "return (", "observation"), "observation.lines: functionals gave a "
+                       "tuple, expected Functionals"),
+    "unknown parameter": (edited('parameters["k"]', 'parameters["rate"]'), "KeyError: 'rate'"),
+    "force of another length": (edited("np.zeros(n), held", "np.zeros(n + 1), held"), "load inlet: expected force and "
+                                "prescribed values of shape (153,)"),
+    "wrong dependence": (edited("api=API", 'requires=("no_such_library",), api=API', "__init__"), "model 'tumour' needs "
+                         "no_such_library; install it with: pip install no_such_library"),
+    "missing library": (edited("import numpy as np", "import no_such_library"), "needs no_such_library, which it does "
+                        "not declare; install it with: pip install no_such_library"),
+    "later interface": (edited('API = "1.', 'API = "7.', "__init__"), "model 'tumour' cannot be used: dacore-tumour "
+                        "0.1.0: written for plugin interface 7."),
+    "duplicate name": (edited('"tumour"', '"biot"', "__init__"), "model 'tumour' is not installed"),
+    "name taken": (edited('PluginSpec("tumour_lines"', 'PluginSpec("voxels"', "__init__"), "is not installed"),
+    "syntax error in the module": (edited("def build(", "def build((", "model"), "could not be imported: SyntaxError"),
+    "syntax error in the declarations": (edited("@hookimpl", "@@hookimpl", "__init__"), "1 plugin(s) failed to load, "
+                                         "see `dacore plugins`"),
+    "hook misspelt": (edited("def dacore_models", "def dacore_model", "__init__"), "see `dacore plugins`"),
+    "hook unmarked": (edited("@hookimpl\n", "", "__init__"), "see `dacore plugins`"),
+    "fault in the code": (edited("n = forms.layout.n_dofs", "n = forms.layout.n_dofs // 0"), "physics: its plugin failed "
+                          "(ZeroDivisionError"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_each_way_to_break_it_is_told_in_one_line(environment, plugin, fault):
+    """At once, or before anything is trained; and the list of plugins goes on."""
+    package = plugin / "src/dacore_tumour"
+    before = {file: file.read_text() for file in package.glob("*.py")}
+    breaking, message = FAULTS[fault]
+    try:
+        breaking(package)
+        done = environment.dacore("plan" if False else "run", "scene.toml", "--workers", "1", "--out", "runs/broken",
+                                  cwd=plugin, check=False)  # fmt: skip
+        listed = environment.dacore("plugins", cwd=plugin)
+    finally:
+        for file in package.glob("*.py"):
+            file.unlink()
+        for file, text in before.items():
+            file.write_text(text)
+    told = [line for line in done.stderr.splitlines() if line.strip()]
+    assert done.returncode in (1, 2), done.stdout
+    assert len(told) == 1, done.stderr
+    assert told[0].startswith("error: ")
+    assert message in told[0]
+    assert "minimum_variance" in listed.stdout
