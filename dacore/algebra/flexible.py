@@ -81,9 +81,9 @@ def _cycle(operator: Any, precondition: Any, residual: Vector, goal: float, most
     weights: Any = np.zeros(0, dtype=np.complex128)
     for j in range(most):
         given.append(precondition(basis[j]))
-        image: Any = operator(given[j])
-        if not np.isfinite(image).all():
+        if not np.isfinite(given[j]).all():
             raise ConvergenceError("flexible GMRES: the preconditioner gives infinite values")
+        image: Any = operator(given[j])
         length = float(np.linalg.norm(image))
         for _ in range(2):
             for k, known in enumerate(basis):
