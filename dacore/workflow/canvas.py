@@ -10,6 +10,7 @@ from scipy.sparse import block_diag, csr_array, hstack
 from dacore.core.arrays import Array, Sparse
 from dacore.core.estimator import BackgroundSpace, Estimate
 from dacore.core.fields import Field
+from dacore.dynamics.harmonic import HarmonicModel
 from dacore.dynamics.march import MarchedModel
 from dacore.figures.comparison import Compared
 from dacore.figures.slices import HEAD, Frame, Slab, View
@@ -43,6 +44,8 @@ class Canvas:
             grid = model.grid
             graded = f", graded {grid.graded}" if grid.graded else ""
             parts.append(f"{model.scheme.label}, τ = {grid.step / grid.substeps:g} s{graded}")
+        if isinstance(model, HarmonicModel):
+            parts.append(f"{model.frequency:g} Hz, phases 0 and a quarter")
         return " · ".join(parts)
 
     @cached_property
