@@ -16,7 +16,7 @@ _ODD, _HOPELESS = 3.0, 50.0
 # What another reading must leave of the misfit to be believed instead.
 _BETTER = 0.5
 # Readings that share less of the data are not compared; what fits to this is right as it is.
-_COMMON, _EXACT = 0.7, 1e-3
+_COMMON, _EXACT, _TIE = 0.7, 1e-3, 1e-6
 _UNITS = ("m", "cm", "mm", "um", "nm")
 
 
@@ -114,7 +114,7 @@ def better_reading(used: Used, training: Array, others: Sequence[tuple[str, Arra
     u, s, _ = np.linalg.svd(flat, full_matrices=False)
     basis = u[:, : max(1, int((np.cumsum(s[::-1] ** 2)[::-1] > 1e-4 * (s**2).sum()).sum()))]
 
-    mine = used.values[used.mask].ravel()
+    mine, mean = used.values[used.mask].ravel(), flat.mean(axis=1)
     ratio, best, name = 1.0, 1.0, ""
     for other, values in others:
         theirs = values[used.mask].ravel()
@@ -123,6 +123,8 @@ def better_reading(used: Used, training: Array, others: Sequence[tuple[str, Arra
             continue
         part, _ = np.linalg.qr(basis[both])
         own, share = _left(part, mine[both]), _left(part, theirs[both])
+        # Of two that differ by a sign alone, the one that points where training points.
+        share *= 1.0 if mean[both] @ theirs[both] > 0 else 1.0 + _TIE
         if own > _EXACT and share < _BETTER * own and share < best:
             ratio, best, name = own, share, other
     if not name:
