@@ -15,6 +15,7 @@ from distributed.diagnostics.plugin import WorkerPlugin
 from threadpoolctl import threadpool_limits
 
 from dacore.errors import WorkerError
+from dacore.execution.worker_frames import keep_frames
 from dacore.plugins.versions import fingerprints
 
 _held: dict[str, "Held"] = {}
@@ -98,6 +99,7 @@ def call(token: str, number: int, function: Callable[[Any, Any], Any], item: Any
         try:
             return True, function(held.shared, item)
         except Exception as error:  # noqa: BLE001
+            keep_frames(error)
             return False, _portable(error)
 
 

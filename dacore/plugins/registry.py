@@ -115,10 +115,15 @@ class Registry(Displayed):
         base = getattr(import_module(module), attribute)
         who = f"{kind} {name!r} of {declaration.source}: {spec.target}"
         if not isinstance(cls, type) or not issubclass(cls, base):
-            raise PluginError(f"{who} is not a subclass of {BASES[kind].replace(':', '.')}")
+            base_name = BASES[kind].replace(":", ".")
+            raise PluginError(f"{who} is not a subclass of {base_name}; derive it from that")
         abstract = sorted(getattr(cls, "__abstractmethods__", ()))
         if abstract:
             raise PluginError(f"{who} leaves {', '.join(abstract)} abstract; implement every abstract method")
+        if kind != "backend" and (loose := _loose(cls)):
+            raise PluginError(
+                f"{who} has the settings {', '.join(loose)}, but is no dataclass; put @dataclass(frozen=True) above it"
+            )
         return cls
 
     def version(self, kind: str, name: str) -> str:
@@ -191,6 +196,14 @@ def _check_kind(kind: str) -> None:
         raise PluginError(f"plugin kind: got {kind!r}, expected one of {', '.join(KINDS)}")
 
 
+def _loose(cls: type[Any]) -> list[str]:
+    """Names that a class annotates as a dataclass would, without being one."""
+    if "__dataclass_fields__" in vars(cls):
+        return []
+    annotated = vars(cls).get("__annotations__", {})
+    return [name for name, hint in annotated.items() if "ClassVar" not in str(hint) and not name.startswith("_")]
+
+
 def _missing(spec: PluginSpec) -> list[str]:
     return [module for module in spec.requires if not available(module)]
 
@@ -210,12 +223,20 @@ def _import(target: str, who: str, spec: PluginSpec) -> Any:
         if absent and not available(absent):
             line = _install_line(spec, [absent])
             raise MissingDependencyError(f"{who} needs {absent}, which it does not declare; {line}") from error
-        raise PluginError(f"{who}: {module} could not be imported: {one_line(error)}") from error
+        named = (
+            "" if error.name not in _parents(module) else "; PluginSpec names it, so correct that or the file's name"
+        )
+        raise PluginError(f"{who}: {module} could not be imported: {one_line(error)}{named}") from error
     except Exception as error:
         raise PluginError(f"{who}: {module} could not be imported: {one_line(error)}") from error
     if not hasattr(value, attribute):
-        raise PluginError(f"{who}: {module} has no {attribute}")
+        raise PluginError(f"{who}: {module} has no {attribute}; PluginSpec names it, so correct that or the class")
     return getattr(value, attribute)
+
+
+def _parents(module: str) -> list[str]:
+    parts = module.split(".")
+    return [".".join(parts[:k]) for k in range(1, len(parts) + 1)]
 
 
 def _row(each: Declaration) -> Row:

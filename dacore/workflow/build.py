@@ -258,7 +258,7 @@ class Builder:
         for name, operator in self.observations.items():
             with self.blame(f"observation.{name}"):
                 operator.check(space)
-                parts.append(operator.functionals(space))
+                parts.append(fitting(operator.functionals(space), space))
         joined = join(parts)
         if joined.unit == "mixed" and any(level > 0 for level in self.scene.noise.levels):
             units = ", ".join(sorted({part.unit for part in parts}))
@@ -272,7 +272,7 @@ class Builder:
         """Find what is wrong in the scene before anything expensive is done."""
         for name, quantity in self.quantities.items():
             with self.blame(f"quantity.{name}"):
-                quantity.functionals(space)
+                fitting(quantity.functionals(space), space)
         for name, estimator in self.estimators.items():
             with self.blame(f"estimator.{name}"):
                 estimator.check(space.layout, self.scene.training.samples)
@@ -343,6 +343,18 @@ class Builder:
         if self.scene.domain is not None:
             out[f"backend {self.scene.discretization.backend}"] = self.backend_version
         return out
+
+
+def fitting(found: object, space: StateSpace) -> Functionals:
+    """Return what an observation or a quantity gave; PluginError if it is no functionals of this space."""
+    if not isinstance(found, Functionals):
+        raise PluginError(f"functionals gave a {type(found).__name__}, expected Functionals (dacore.core.observation)")
+    columns = found.matrix.shape[1]
+    if columns != space.n_dofs:
+        raise PluginError(
+            f"functionals have {columns} columns, expected {space.n_dofs}, one for each degree of freedom of the state"
+        )
+    return found
 
 
 def join(parts: list[Functionals]) -> Functionals:

@@ -39,6 +39,7 @@ from dacore.studies.refinement import time_refinement
 from dacore.studies.validation import PRODUCT, Judge, gather, joint_weights
 from dacore.workflow.board import ProgressBoard
 from dacore.workflow.build import Builder
+from dacore.workflow.faults import guarded
 from dacore.workflow.groundwork import groundwork_stages
 from dacore.workflow.laws import priced
 from dacore.workflow.studies.stage import STUDY, Means, study_stages
@@ -295,7 +296,7 @@ def scene_pipeline(
         ),
         *study_stages(builder, means),
     ]  # fmt: skip
-    return Pipeline(priced(stages, scene))
+    return Pipeline(guarded(priced(stages, scene), builder))
 
 
 def targets(builder: Builder) -> list[str]:
