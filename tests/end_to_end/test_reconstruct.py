@@ -171,16 +171,30 @@ def test_complex_data_are_taken_at_the_scenes_times(scene, truth, tmp_path):
         scene.reconstruct(SensorData("mine", phasor[:, None], "cm", places=f.centres, directions=f.directions), noise=0)
 
 
-def test_two_phases_a_quarter_apart_need_no_frequency(truth, cache):
-    """As a time-harmonic model records them: Re v at t = 0 and −Im v a quarter of a period later."""
-    short = dacore.open_scene(TOY, [*SMALL, "time.steps=2"], cache=cache)
-    f = short.functionals
-    phasor = (truth[1][:, 1] + 0.3j * truth[1][:, 0])[:, None]
-    # This scene's first time is not 0: a quarter of a period is its step, and its first time is one step.
-    result = short.reconstruct(SensorData("mine", phasor, "cm", places=f.centres, directions=f.directions), noise="1%")
-    assert "taken as 125 Hz" in result.notes[0]
-    assert np.allclose(result.used.values[:, 0], -phasor[:, 0].imag)
-    assert np.allclose(result.used.values[:, 1], -phasor[:, 0].real)
+def test_a_model_of_one_frequency_takes_amplitude_and_phase(tmp_path):
+    """Its two recorded times hold Re v and −Im v; the frequency is known, and another one is refused."""
+    changes = ("training.samples=12", "validation.cases=2")
+    harmonic = dacore.open_scene(TOY.with_name("harmonic.toml"), changes, cache=tmp_path / "cache")
+    data = harmonic.functionals(harmonic.truth[0].states)
+    f, phasor = harmonic.functionals, (data[:, 0] - 1j * data[:, 1])[:, None]
+    shared = {"places": f.centres, "directions": f.directions}
+    result = harmonic.reconstruct(SensorData("mine", phasor, "cm", **shared), noise="1%")
+    assert "taken as the scene's, 50 Hz" in result.notes[0]
+    close(result, data, 1e-12)
+    with pytest.raises(ShapeError, match="is of 60 Hz, but the scene's model is of 50 Hz"):
+        harmonic.reconstruct(SensorData("mine", phasor, "cm", frequency=60.0, **shared), noise="1%")
+    # As images of amplitude and phase, from files.
+    low = f.centres.min(axis=0)
+    index = np.round(f.centres - low).astype(int)
+    values = np.zeros((*(index.max(axis=0) + 1), 1, 3), complex)
+    values[(*index.T, 0, f.directions.argmax(axis=1))] = 1e4 * phasor[:, 0]
+    affine = np.diag([10.0, 10, 10, 1])
+    affine[:3, 3] = 10 * low
+    amplitude = save(tmp_path / "amplitude.nii.gz", np.abs(values).astype(np.float32), affine)
+    phase = save(tmp_path / "phase.nii.gz", np.angle(values).astype(np.float32), affine)
+    close(harmonic.reconstruct(amplitude, phase=[phase], noise="1%"), data, 1e-5)
+    both = save(tmp_path / "complex.nii.gz", values.astype(np.complex64), affine)
+    close(harmonic.reconstruct(both, noise="1%", frequency=50.0), data, 1e-5)
 
 
 def test_half_of_the_slice_is_missing(scene, truth, tmp_path):

@@ -48,8 +48,9 @@ def make_report(
         Section("Numbers of interest", "", table(quantity_table(result))),
         Section("Parameters", "", table(parameter_table(result))),
     ]  # fmt: skip
+    files = {str(source["file"]): str(source["sha256"]) for source in found["data"]}
     facts = {
-        "Data": {f"{s['file']}": s["sha256"] for s in found["data"]},
+        **({"Data": files} if files else {}),
         "Versions": found["versions"],
         "Machine": {name: str(value) for name, value in found["machine"].items()},
         "Size": {

@@ -105,11 +105,12 @@ def _harmonic(data: Fitted, values: Array, target: Target, notes: list[str]) -> 
     if values.shape[1] != 1:
         raise ShapeError(f"{data.name}: complex values at {values.shape[1]} times; expected one phasor for each place")
     frequency = data.frequency
-    if frequency is None and len(times) == 2 and len(target.times) == 2:
-        frequency = 0.25 / float(times[1] - times[0])
-        notes.append(
-            f"{data.name}: nobody says the frequency; taken as {frequency:.6g} Hz, of which the scene's two times are "
-            "a quarter of a period apart"
+    if frequency is None and target.frequency is not None:
+        frequency = target.frequency
+        notes.append(f"{data.name}: nobody says the frequency; taken as the scene's, {frequency:.6g} Hz")
+    if frequency is not None and target.frequency is not None and abs(frequency / target.frequency - 1.0) > _NEAR:
+        raise ShapeError(
+            f"{data.name}: is of {frequency:.6g} Hz, but the scene's model is of {target.frequency:.6g} Hz"
         )
     if frequency is None or not (np.isfinite(frequency) and frequency > 0):
         raise ShapeError(f"{data.name}: complex values, and nobody says of which frequency; give --frequency in Hz")

@@ -17,6 +17,7 @@ from dacore.workflow.tables import name_of, number_text, quantity_title, value_t
 SCHEMA = 1
 # More numbers of one quantity are a curve, which the CSV holds.
 _MOST = 12
+_TINY = 1e-5
 
 
 def quantities_csv(result: Reconstruction) -> str:
@@ -133,7 +134,7 @@ def data_table(result: Reconstruction) -> Table:
     for each in result.data:
         there = int((~np.isnan(each.values)).sum())
         if isinstance(each, SensorData):
-            what = f"{each.values.shape[0]} sensors × {each.values.shape[1]} times"
+            what = f"sensors: {each.values.shape[0]}, times: {each.values.shape[1]}"
         else:
             times, parts = each.values.shape[-2:]
             what = f"image of {' × '.join(map(str, each.shape))} voxels, times: {times}, components: {parts}"
@@ -156,12 +157,12 @@ def quantity_table(result: Reconstruction) -> Table | None:
             when = "" if n.time is None else f", t = {time_text(n.time)}"
             span = "–"
             if np.isfinite(n.low):
-                low, high = (value_text(each, n.deviation).partition(" ")[0] for each in (n.low, n.high))
+                low, high = (_with_deviation(each, n.deviation).partition(" ")[0] for each in (n.low, n.high))
                 span = f"{low} to {high}"
             rows.append(
                 [
                     f"{quantity_title(result.session.builder, name)}{when} [{unit_text(n.unit)}]",
-                    value_text(n.value, n.deviation), span, Cell(number_text(n.training), "muted"),
+                    _with_deviation(n.value, n.deviation), span, Cell(number_text(n.training), "muted"),
                 ]
             )  # fmt: skip
     if not rows:
@@ -201,6 +202,13 @@ def notes_table(result: Reconstruction) -> Table | None:
     rows: list[list[str | Cell]] = [[Cell("beware", "bad"), line] for line in result.warnings]
     rows += [[Cell("supposed", "muted"), line] for line in result.notes]
     return Table(["", "what"], rows, "What to beware of, and what was supposed") if rows else None
+
+
+def _with_deviation(value: float, deviation: float) -> str:
+    """A value with its deviation; with exponents where digits after the point would show nothing."""
+    if 0 < deviation < _TINY:
+        return f"{number_text(value)} ± {number_text(deviation)}"
+    return value_text(value, deviation)
 
 
 def _plain(value: float | None) -> str:

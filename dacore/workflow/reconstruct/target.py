@@ -8,6 +8,7 @@ import numpy as np
 from dacore.core.arrays import Array, IntArray
 from dacore.core.data import Placed
 from dacore.core.observation import Functionals
+from dacore.dynamics.harmonic import HarmonicModel
 from dacore.errors import ShapeError
 from dacore.workflow.session import Session
 
@@ -28,6 +29,8 @@ class Target:
         Recorded times.
     observed : (t,) int array
         Which of them the scene measures.
+    frequency : float, optional [Hz]
+        Of the motion, for a model of one frequency.
     to_scene : (d + 1, d + 1) array, optional
         From an image's world to the scene [cm]; None if they are the same.
     """
@@ -39,6 +42,7 @@ class Target:
     times: Array
     observed: IntArray
     to_scene: Array | None = None
+    frequency: float | None = None
 
     @property
     def count(self) -> int:
@@ -121,4 +125,5 @@ def target_of(session: Session) -> Target:
     return Target(
         functionals, fields, units, {each.name: each.components for each in layout.fields}, times,
         np.arange(len(times)) if observed is None else observed, maps[0] if maps else None,
+        model.frequency if isinstance(model := session.model, HarmonicModel) else None,
     )  # fmt: skip
