@@ -21,6 +21,8 @@ from dacore.workflow.session import Session
 _WIDTH = 4.2
 # A direction counts as in the plane up to this sine of the angle.
 _FLAT = 0.1
+# No colour map in use contains this grey.
+_MISSING = "#B9B9B9"
 
 
 def plot_mesh(subject: Subject | Mesh, axis: Axis = "x", position: float | None = None, ax: Axes | None = None) -> Axes:
@@ -86,7 +88,7 @@ def plot_sensors(
     ax : Axes, optional
         Where to draw; a figure of its own by default.
     values : (m,) array, optional [unit of the functionals]
-        What was measured at one step; colours each place by the length of what was measured there.
+        What was measured at one step; colours each place by the length of what was measured there, grey for NaN.
 
     Returns
     -------
@@ -205,9 +207,12 @@ def _places(
         half = 0.5 * np.asarray(functionals.spacing)[plane]
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
         squares: Any = shown or {"facecolors": "#CFE3F1"}
-        ax.add_collection(
-            PolyCollection(list(places[:, None] + corners), edgecolors="white", linewidths=0.5, zorder=1, **squares)
-        )
+        known = np.ones(len(places), dtype=bool) if size is None else np.isfinite(size)
+        if shown:
+            squares = shown | {"array": shown["array"][known]}
+        for mine, look_of in ((known, squares), (~known, {"facecolors": _MISSING})):
+            boxes = list(places[mine][:, None] + corners)
+            ax.add_collection(PolyCollection(boxes, edgecolors="white", linewidths=0.5, zorder=1, **look_of))
         return
     dots: Any = {"c": shown["array"], "cmap": shown["cmap"], "norm": shown["norm"]} if shown else {"color": colour(0)}
     ax.scatter(places[:, 0], places[:, 1], s=26, edgecolors="white", linewidths=0.5, zorder=3, **dots)

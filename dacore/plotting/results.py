@@ -242,7 +242,7 @@ def plot_parameters(
                            label="truth" if row == 0 else None)  # fmt: skip
             share = share_text(float(np.clip(found.learned[row, series], 0.0, 1.0)))
             drawn.text(
-                1.03, place, f"{value_text(value, deviation)}, {share} learned", va="center", fontsize=8, color=INK
+                1.03, place, f"{_with_deviation(value, deviation)}, {share} learned", va="center", fontsize=8, color=INK
             )
             for end, text, side in ((0.0, number(each.low), "left"), (1.0, number(each.high), "right")):
                 drawn.text(end, place - 0.36, text, ha=side, va="center", fontsize=7, color=FAINT)
@@ -266,3 +266,8 @@ def _along(parameter: Parameter, values: Array) -> Array:
 
 def _time_unit(times: Array) -> tuple[float, str]:
     return (1.0, "s") if times[-1] >= 1.0 else (1e3, "ms")
+
+
+def _with_deviation(value: float, deviation: float) -> str:
+    """A value with the digits that its deviation leaves, small ones with an exponent."""
+    return value_text(value, deviation) if abs(value) >= 1e-2 else f"{value:.3g} ± {deviation:.2g}"

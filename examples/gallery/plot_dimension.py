@@ -17,4 +17,5 @@ families = {"one space": scene.prepared("one"), "a space a phase": scene.prepare
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
 plot_spectrum(families, left, tails=True, largest=30)
+left.set_ylim(1e-5, 2.0)
 plot_inf_sup(families, right)

@@ -24,6 +24,6 @@ estimates = {
 }
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
-plot_sensors(scene, ax=left, values=np.where(kept, np.abs(data[:, 5]), 0.0))
+plot_sensors(scene, ax=left, values=spoiled[:, 5])
 left.set_title("what is left of the data")
 plot_quantity(estimates, pressure, truth, right, name="cavity pressure")

@@ -3,7 +3,8 @@ Which slice sees the pressure
 =============================
 
 The claimed deviation of the cavity pressure is known before anybody is measured: it depends on where, not on what.
-A slice through the cavity says most; all slices are tried with the same training set, read from the cache.
+Low slices move against the held part of the ball and say most, the small one near the top says least; all are tried
+with the same training set, read from the cache.
 """
 
 import matplotlib.pyplot as plt
@@ -18,7 +19,6 @@ for position in positions:
     readout = scene.prepared("minimum_variance").readout(pressure, noise_scale=1e-4)
     deviations.append(readout.deviation[-1])
 
-cloud = pressure.of(scene.truth[0].states, scene.model.space)
 figure, ax = plt.subplots(figsize=(5.5, 3.4), layout="constrained")
 ax.bar(positions, deviations, width=0.8)
 ax.axvspan(3.5, 6.5, color="0.92", zorder=0, label="height of the cavity")

@@ -33,31 +33,30 @@ class Tanks(StateSpace):
 
 def warm(parameters):
     """Two hot spots that spread: their places and heats are the parameters."""
-    at, width = np.arange(N)[:, None], np.sqrt(4.0 + 2.0 * TIMES)
-    first, second, heat = parameters
-    return Trajectory(heat * (np.exp(-(((at - first) / width) ** 2)) + np.exp(-(((at - second) / width) ** 2))), TIMES)
+    *places, heat = parameters
+    away = (np.arange(N)[:, None, None] - places) / np.sqrt(4.0 + 2.0 * TIMES)[:, None]
+    return Trajectory(heat * np.exp(-(away**2)).sum(axis=2), TIMES)
 
 
 rng = np.random.default_rng(0)
-ranges = ParameterSpace(
-    (Parameter("first", "1", 5, 15), Parameter("second", "1", 20, 35), Parameter("heat", "K", 5, 9))
-)
+places = Parameter("first", "1", 5, 15), Parameter("second", "1", 20, 35)
+ranges = ParameterSpace((*places, Parameter("heat", "K", 5, 9)))
 samples = ranges.sample(rng, 60)
 background = compress(Tanks(), [warm(sample) for sample in samples], ranges, samples)
 
 seen = np.array([8, 28])
-rows = csr_array(np.eye(N)[seen])
-sensors = Functionals(rows, ("T8", "T28"), "K", seen[:, None].astype(float), np.zeros((2, 1)), np.arange(2))
+sensors = Functionals(
+    csr_array(np.eye(N)[seen]), ("T8", "T28"), "K", 1.0 * seen[:, None], np.zeros((2, 1)), np.arange(2)
+)
 truth = warm(ranges.sample(rng, 1)[0])
 data = sensors(truth.states) + 0.1 * rng.standard_normal((2, len(TIMES)))
 estimate = MinimumVariance().prepare(background, sensors, WhiteNoise()).estimate(data, noise_scale=0.1)
 
-step = 4
-mean, deviation = estimate.state(0, step), estimate.deviation(csr_array(np.eye(N)), step, 0)
+mean, deviation = estimate.state(0, 4), estimate.deviation(csr_array(np.eye(N)), 4, 0)
 figure, ax = plt.subplots(figsize=(5.5, 3.4), layout="constrained")
 ax.fill_between(np.arange(N), mean - 2 * deviation, mean + 2 * deviation, alpha=0.25, label="± 2 deviations")
 ax.plot(mean, label="estimate")
-ax.plot(truth.states[:, step], "k--", label="truth")
-ax.plot(seen, data[:, step], "o", label="thermometers")
+ax.plot(truth.states[:, 4], "k--", label="truth")
+ax.plot(seen, data[:, 4], "o", label="thermometers")
 ax.set(xlabel="tank", ylabel="temperature [K]")
 ax.legend()

@@ -12,7 +12,8 @@ import numpy as np
 import dacore
 
 weights = 10.0 ** np.arange(-24, -9, 2)
-tables = [f'estimator.w{k}={{kind="pbdw", n=8, weights={{p={weight:g}}}}}' for k, weight in enumerate(weights)]
+published = 'kind="pbdw", spaces="cycle", centring="none", n="bound", tails="training"'
+tables = [f"estimator.w{k}={{{published}, weights={{p={weight:g}}}}}" for k, weight in enumerate(weights)]
 validation = dacore.open_scene("ball.toml", tables).validation
 
 figure, ax = plt.subplots(figsize=(5.5, 3.4), layout="constrained")
