@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from dacore.core.arrays import Array
 from dacore.errors import ShapeError
-from dacore.figures.style import INK, WIDTH, colour, legend_below, log_axis, marker, pretty, sheet, styled
+from dacore.figures.style import INK, WIDTH, colour, legend_below, log_axis, marker, pretty, sheet, styled, title_text
 
 
 @styled
@@ -86,7 +86,7 @@ def draw_errors(
         low, high = _limits(shown, factor * guess)
         axes.axvspan(factor * guess, high, color="#F3ECEC", linewidth=0, zorder=0)
         axes.set_xlim(low, high)
-    axes.set_title(pretty(name))
+    axes.set_title(title_text(name))
     axes.set_xlabel(f"error  [{unit}]")
     axes.set_ylim(-0.6, count - 0.4)
     axes.tick_params(axis="y", length=0)

@@ -26,6 +26,7 @@ from dacore.dynamics.training import Progress
 from dacore.errors import DacoreError
 from dacore.io.scene import validate
 from dacore.pipeline.runner import Runner
+from dacore.reduction.training import Reduced
 from dacore.studies.outcomes import Outcome
 from dacore.workflow.board import ProgressBoard
 from dacore.workflow.build import Builder
@@ -197,8 +198,12 @@ class Measurement:
         session = self.session
         validation = session.validation
         timings = session.runner.timings
-        sets = [session.runner[name] for name in ("training", "truth")]
-        self.facts["trajectories"] = {"solved": sum(each.solved for each in sets), "of": sum(map(len, sets))}
+        training, truth = session.runner["training"], session.runner["truth"]
+        if isinstance(training, Reduced):  # the others are marched by the reduced model
+            solved, trained = len(training.solved), len(training.estimates[0])
+        else:
+            solved, trained = training.solved, len(training)
+        self.facts["trajectories"] = {"solved": solved + truth.solved, "of": trained + len(truth)}
         self.costs["training"] = timings["training"] + timings["truth"]
         self.costs["preparing"] = sum(seconds for name, seconds in timings.items() if name.startswith("prepared."))
         self.costs["memory estimating"] = peak_memory()
