@@ -23,8 +23,6 @@ N, TIMES = 40, np.arange(1.0, 21.0)
 
 
 class Tanks(StateSpace):
-    """Temperatures of tanks in a row, each as large as the others."""
-
     layout = Layout([Field("T", 1, unit="K")], {"T": N})
 
     def scalar_product(self, field, kind="l2"):
@@ -39,15 +37,14 @@ def warm(parameters):
 
 
 rng = np.random.default_rng(0)
-places = Parameter("first", "1", 5, 15), Parameter("second", "1", 20, 35)
-ranges = ParameterSpace((*places, Parameter("heat", "K", 5, 9)))
+spots = Parameter("first", "1", 5, 15), Parameter("second", "1", 20, 35)
+ranges = ParameterSpace((*spots, Parameter("heat", "K", 5, 9)))
 samples = ranges.sample(rng, 60)
 background = compress(Tanks(), [warm(sample) for sample in samples], ranges, samples)
 
 seen = np.array([8, 28])
-sensors = Functionals(
-    csr_array(np.eye(N)[seen]), ("T8", "T28"), "K", 1.0 * seen[:, None], np.zeros((2, 1)), np.arange(2)
-)
+rows, nowhere = csr_array(np.eye(N)[seen]), np.zeros((2, 1))
+sensors = Functionals(rows, ("T8", "T28"), "K", 1.0 * seen[:, None], nowhere, np.arange(2))
 truth = warm(ranges.sample(rng, 1)[0])
 data = sensors(truth.states) + 0.1 * rng.standard_normal((2, len(TIMES)))
 estimate = MinimumVariance().prepare(background, sensors, WhiteNoise()).estimate(data, noise_scale=0.1)
