@@ -223,9 +223,7 @@ def _import(target: str, who: str, spec: PluginSpec) -> Any:
         if absent and not available(absent):
             line = _install_line(spec, [absent])
             raise MissingDependencyError(f"{who} needs {absent}, which it does not declare; {line}") from error
-        named = (
-            "" if error.name not in _parents(module) else "; PluginSpec names it, so correct that or the file's name"
-        )
+        named = "" if error.name not in _parents(module) else "; PluginSpec names it, so correct that or the file"
         raise PluginError(f"{who}: {module} could not be imported: {one_line(error)}{named}") from error
     except Exception as error:
         raise PluginError(f"{who}: {module} could not be imported: {one_line(error)}") from error

@@ -124,7 +124,7 @@ def _values(name: str, stem: str, package: str, kinds: Sequence[str]) -> dict[st
     own, round_ = "model" in kinds, "domain" in kinds
     values = {
         "name": name, "stem": stem, "package": package, "api": ".".join(map(str, API_VERSION)),
-        "summary": f"{', '.join(KINDS[kind].summary for kind in kinds)} for dacore",
+        "summary": f"For dacore: {', '.join(kinds)}",
         "field": "c" if own else "u", "asked": "c" if own else "p",
         "opening": "inlet" if own else "neck", "rest": "wall" if own else "mre",
         "observed": "lines" if "observation" in kinds else "points",
@@ -145,13 +145,21 @@ def _values(name: str, stem: str, package: str, kinds: Sequence[str]) -> dict[st
 
 def _hook(kind: str, stem: str, package: str) -> str:
     one = KINDS[kind]
-    call = f'PluginSpec("{word(stem, kind)}", "{package}.{kind}:{one.target}", summary="{one.summary}", api=API)'
-    if len(call) > 107:
-        parts = call.removeprefix("PluginSpec(").removesuffix(")").replace(", summary", ",\n            summary", 1)
-        call = f"\n        PluginSpec(\n            {parts}\n        )\n    "
-    return (
-        f'\n\n@hookimpl\ndef {one.hook}() -> list[PluginSpec]:\n    """Declare {one.summary}."""\n    return [{call}]\n'
-    )
+    # One argument a line, with a comma after the last, is how formatters leave it, however long a name is.
+    return f'''
+
+@hookimpl
+def {one.hook}() -> list[PluginSpec]:
+    """Declare {one.summary}."""
+    return [
+        PluginSpec(
+            "{word(stem, kind)}",
+            "{package}.{kind}:{one.target}",
+            summary="{one.summary}",
+            api=API,
+        )
+    ]
+'''
 
 
 def _written(package: str, kinds: Sequence[str], values: Mapping[str, str]) -> dict[str, str]:

@@ -35,7 +35,7 @@ class Environment:
             self.run(*PIP, str(ROOT / "plugins" / name))
 
     def _link_libraries(self):
-        """Link all that is installed for the running interpreter, but dacore, its plugins, and what is there already."""
+        """Link all that is installed for the running interpreter, but dacore, its plugins, and what is there."""
         libraries = self.folder / "libraries"
         libraries.mkdir()
         places = [Path(place) for place in (*site.getsitepackages(), *sys.path) if "-packages" in place]
@@ -133,8 +133,8 @@ TYPE = "dacore_tumour.model:ReactionDiffusion"
 FAULTS = {
     "module renamed": (
         renamed,
-        "physics: model 'tumour' of dacore-tumour 0.1.0: dacore_tumour.model could not be imported: ModuleNotFoundError: "
-        "No module named 'dacore_tumour.model'; PluginSpec names it, so correct that or the file's name",
+        "physics: model 'tumour' of dacore-tumour 0.1.0: dacore_tumour.model could not be imported: "
+        "ModuleNotFoundError: No module named 'dacore_tumour.model'; PluginSpec names it, so correct that or the file",
     ),
     "class renamed": (
         edited("class ReactionDiffusion(", "class Reaction("),
@@ -158,7 +158,7 @@ FAULTS = {
     ),
     "setting of an unsupported type": (
         edited("rise: float = 2.0", "rise: np.ndarray | float = 2.0"),
-        "field rise is annotated numpy.ndarray | float, which no value of a scene can fill; annotate it with plain types",
+        "field rise is annotated numpy.ndarray | float, which no value of a scene can fill; annotate it with plain",
     ),
     "functionals of another space": (
         edited('csr_array(vstack(rows, format="csr"))', 'csr_array(vstack(rows, format="csr"))[:, :-1]', "observation"),
@@ -189,7 +189,7 @@ FAULTS = {
         "model 'tumour' cannot be used: dacore-tumour 0.1.0: written for plugin interface 7.",
     ),
     "duplicate name": (
-        edited('PluginSpec("tumour_lines"', 'PluginSpec("voxels"', "__init__"),
+        edited('"tumour_lines"', '"voxels"', "__init__"),
         "observation 'tumour_lines' is not installed",
     ),
     "syntax error in the module": (edited("def build(", "def build(("), "could not be imported: SyntaxError"),
@@ -258,7 +258,7 @@ def test_what_the_scene_cannot_tell_the_list_tells(environment, plugin, fault):
     before = (package / "__init__.py").read_text()
     try:
         FAULTS[fault][0](package)
-        code = "from dacore.plugins.registry import load; print(*(f'{f.source}: {f.reason}' for f in load().failures), sep='\\n')"
+        code = "from dacore.plugins.registry import load\nfor each in load().failures:\n    print(each)"
         told = environment.run("-c", code, cwd=plugin).stdout
     finally:
         (package / "__init__.py").write_text(before)
