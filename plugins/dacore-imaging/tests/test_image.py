@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dacore.errors import ShapeError, StoreError
+from dacore.testing import observation_suite, run
 from dacore_imaging.image import Image
 from dacore_imaging.voxels import Voxels
 
@@ -149,3 +150,13 @@ def test_what_is_refused(make_space, tmp_path):
     mask = save(tmp_path / "m.nii", None, in_mm(np.eye(4)), empty)
     with pytest.raises(ShapeError, match="no voxel of the mask"):
         Image(file, mask=mask).functionals(space)
+
+
+@pytest.mark.parametrize("field", ["u", "p", "c"])
+def test_an_oblique_image_keeps_every_promise_of_a_measurement(tmp_path, field):
+    affine = np.eye(4)
+    affine[:3, :3] = np.array([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]]) * 0.7
+    affine[:3, 3] = 1.5 - affine[:3, :3] @ np.full(3, 3.5)
+    file = save(tmp_path / "a.nii.gz", (8, 8, 8), in_mm(affine))
+    suite = observation_suite(Image(file, field=field, coverage=1.0), reproduces="linear")
+    assert run(suite) == []
