@@ -31,7 +31,7 @@ extensions = [
     "references",
 ]
 default_role = "named"
-exclude_patterns = ["_build", "_ext", "**/README.rst", "**/GALLERY_HEADER.rst"]
+exclude_patterns = ["_build", "_ext", "gallery/*.ipynb", "gallery/sg_execution_times.rst", "sg_execution_times.rst"]
 templates_path = ["_templates"]
 nitpicky = True
 nitpick_ignore_regex = [
@@ -84,8 +84,7 @@ sphinx_gallery_conf = {
     "show_signature": False,
     "min_reported_time": 1e9,
     "remove_config_comments": True,
-    "reset_modules": ("matplotlib", clone.enter),
-    "plot_gallery": True,
+    "capture_repr": (),
 }
 if not any(ROOT.glob("examples/gallery/plot_*.py")):
     extensions.remove("sphinx_gallery.gen_gallery")

@@ -60,11 +60,6 @@ def prepare(root: Path, build: Path) -> None:
         os.environ.setdefault(name, "1")
 
 
-def enter(_gallery_conf: object, _file: str) -> None:
-    """Start an example of the gallery in the folder, as sphinx-gallery's reset function."""
-    os.chdir(_folder(Path(__file__).resolve().parents[1] / "_build"))
-
-
 def cache(root: Path, build: Path) -> Path:
     """Where executed notebooks are kept: under a hash of all code they may run, so that none shows what was."""
     digest = hashlib.sha256()
