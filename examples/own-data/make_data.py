@@ -2,8 +2,8 @@
 
     python examples/own-data/make_data.py [FOLDER]
 
-writes scan.nii.gz and mask.nii.gz into FOLDER (runs/own-data by default), and prints what sensors.csv beside this file
-holds with --sensors. The truth is the first unseen case of the scene, so that what is reconstructed can be compared with it.
+writes scan.nii.gz and mask.nii.gz into FOLDER (runs/own-data by default); with --sensors it prints what sensors.csv
+beside this file holds. The truth is the first unseen case of the scene, so that what is reconstructed can be compared.
 """
 
 import argparse

@@ -16,7 +16,9 @@ _ODD, _HOPELESS = 3.0, 50.0
 # What another reading must leave of the misfit to be believed instead.
 _BETTER = 0.5
 # Readings that share less of the data are not compared; what fits to this is right as it is.
-_COMMON, _EXACT, _TIE = 0.7, 1e-3, 1e-6
+_COMMON, _EXACT = 0.7, 1e-3
+# Of readings that fit about alike the first is named: one of the array before one of its components.
+_CLEARLY, _AGAINST = 0.9, 1.2
 _UNITS = ("m", "cm", "mm", "um", "nm")
 
 
@@ -124,8 +126,8 @@ def better_reading(used: Used, training: Array, others: Sequence[tuple[str, Arra
         part, _ = np.linalg.qr(basis[both])
         own, share = _left(part, mine[both]), _left(part, theirs[both])
         # Of two that differ by a sign alone, the one that points where training points.
-        share *= 1.0 if mean[both] @ theirs[both] > 0 else 1.0 + _TIE
-        if own > _EXACT and share < _BETTER * own and share < best:
+        share *= 1.0 if mean[both] @ theirs[both] > 0 else _AGAINST
+        if own > _EXACT and share < _BETTER * own and share < _CLEARLY * best:
             ratio, best, name = own, share, other
     if not name:
         return None

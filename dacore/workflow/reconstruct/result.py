@@ -165,9 +165,10 @@ class Reconstruction(Displayed):
             return "This estimator does not tell whether the data fit what was learned."
         ratio, probability = float(misfit.ratio[0]), float(misfit.probability[0])
         if bool(misfit.alarm[0]):
+            chance = f"{probability:.1e}" if probability > 0 else "below 1e-300"
             return (
                 f"The data contradict the model, the training set or the noise that was stated: what is left of them "
-                f"is {ratio:.3g} times what was expected (probability {probability:.1e}). Do not trust the intervals."
+                f"is {ratio:.3g} times what was expected (probability {chance}). Do not trust the intervals."
             )
         agree = (
             f"The data agree with the model, the training set and the noise that was stated: what is left of them is "
