@@ -53,10 +53,6 @@ def setup(app: Sphinx) -> dict[str, Any]:
     def read(app: Sphinx, page: str, source: list[str]) -> None:
         if app.env.doc2path(page).suffix == ".md":
             source[0] = rewritten(source[0], page, Path(app.srcdir).parent)
-            if ":glob:" in source[0]:
-                here = Path(app.srcdir, page).parent
-                found = re.compile(r"^[a-z-]+\*$", re.MULTILINE)
-                source[0] = found.sub(lambda m: m[0] if any(here.glob(m[0] + ".md")) else "", source[0])
             source[0] += "\n" + _APPENDED.get(page, "")
 
     app.connect("source-read", read)
