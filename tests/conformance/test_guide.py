@@ -33,6 +33,7 @@ FILES = dict(
         strict=True,
     )
 )  # fmt: skip
+TOML = re.findall(r"^```TOML\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
 PIECES = re.findall(r"^```python\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
 
 
@@ -40,7 +41,7 @@ PIECES = re.findall(r"^```python\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
 def package(tmp_path_factory):
     """The distribution of the page, its tests beside its package."""
     folder = tmp_path_factory.mktemp("dacore-gauge")
-    (toml,) = re.findall(r"^```TOML\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
+    _, toml = TOML
     (folder / "pyproject.toml").write_text(toml, encoding="utf-8")
     for name, text in FILES.items():
         place = folder / "tests" if name.startswith("test_") else folder / "src/dacore_gauge"
@@ -82,6 +83,13 @@ def test_the_tests_of_the_page_pass(package, name, least):
     assert done.returncode == 0, done.stdout + done.stderr
     assert int(re.search(r"(\d+) passed", done.stdout)[1]) >= least
     assert "skipped" not in done.stdout
+
+
+def test_the_scene_with_a_plugin_file_is_that_of_the_example():
+    example = (ROOT / "examples/epidemic/epidemic.toml").read_text(encoding="utf-8")
+    shown, whole = tomllib.loads(TOML[0]), tomllib.loads(example)
+    assert shown == {key: whole[key] for key in shown}
+    assert "plugins" in shown
 
 
 def test_the_pieces_of_a_domain_and_a_backend_are_right(package):
