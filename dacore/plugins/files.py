@@ -2,7 +2,7 @@
 
 A file becomes a module of a name that holds a hash of its path and content, so that files of one name, and versions
 of one file, live side by side in a process. Its classes are pickled by value, so that worker processes need not
-find the file. Why so is in docs/adr/0016-plugin-files-of-a-scene.md.
+find the file. Why so is in docs/adr/0017-plugin-files-of-a-scene.md.
 """
 
 import hashlib
