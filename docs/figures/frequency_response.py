@@ -1,6 +1,6 @@
-"""Draw docs/figures/frequency_response.png: the brain's amplitudes over the frequency, with and without a loss.
+"""Draw docs/figures/frequency_response.png: a ball's amplitudes over the frequency, with and without a loss.
 
-About five CPU minutes. Takes no arguments; needs dacore[figures], dacore-biot, dacore-imaging and dacore-skfem.
+About a CPU minute. Takes no arguments; needs dacore[figures], dacore-biot, dacore-imaging and dacore-skfem.
 """
 
 from dataclasses import replace
@@ -14,7 +14,7 @@ from dacore.dynamics.harmonic import HarmonicModel, amplitude
 from dacore.figures.style import COLOURS, styled
 
 ROOT = Path(__file__).resolve().parents[2]
-FREQUENCIES = np.geomspace(5.0, 150.0, 45)
+FREQUENCIES = np.geomspace(5.0, 150.0, 120)
 LOSSES = (0.0, 0.1, 0.4)
 DRIVE = {"p_ventricles": 0.0, "p_csf": 0.0}  # the traction alone
 
@@ -54,11 +54,11 @@ def draw(found: dict[str, np.ndarray], model: HarmonicModel) -> Figure:
         axes.set(xlabel="frequency [Hz]", title=f"rms amplitude of the {names[name]}")
         axes.set_xticks([5, 10, 20, 50, 100], ["5", "10", "20", "50", "100"])
         axes.minorticks_off()
-    axes.legend(frameon=False)
+    figure.axes[0].legend(frameon=False, loc="lower left")
     theta = model.parameters.middle
     nodes = len(model.space.discretization.mesh.points)
     figure.suptitle(
-        f"Brain, {nodes:,} nodes, traction of {abs(theta['xi']):g} dyn/cm², E = {theta['E']:.3g} dyn/cm², "
+        f"Ball with a cavity, {nodes:,} nodes, traction of {abs(theta['xi']):g} dyn/cm², E = {theta['E']:.3g} dyn/cm², "
         f"ν = {theta['nu']:.3g}, κ = {theta['kappa']:.2g} cm²",
         fontsize=9,
     )
@@ -67,7 +67,7 @@ def draw(found: dict[str, np.ndarray], model: HarmonicModel) -> Figure:
 
 def main() -> None:
     """Solve, draw and write."""
-    scene = dacore.open_scene(ROOT / "examples" / "brain" / "harmonic.toml")
+    scene = dacore.open_scene(ROOT / "examples" / "toy" / "harmonic.toml")
     found = responses(scene.model)
     for name, values in found.items():
         for loss, line in zip(LOSSES, values, strict=True):
