@@ -26,6 +26,10 @@ def as_array(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> Arr
     shape : tuple of int or None
         Expected shape; None matches any length.
 
+    Returns
+    -------
+    (...) array
+
     Raises
     ------
     ShapeError
@@ -42,6 +46,20 @@ def as_array(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> Arr
 
 def as_indices(name: str, values: ArrayLike, shape: tuple[int | None, ...], bound: int) -> IntArray:
     """Return `values` as a read-only int64 array with entries in ``[0, bound)``.
+
+    Parameters
+    ----------
+    name : str
+        What the array is, for the error message.
+    values : array_like of int
+    shape : tuple of int or None
+        Expected; None matches any length.
+    bound : int
+        One more than the largest index.
+
+    Returns
+    -------
+    int array
 
     Raises
     ------
@@ -60,7 +78,21 @@ def as_indices(name: str, values: ArrayLike, shape: tuple[int | None, ...], boun
 
 
 def check_shape(name: str, array: NDArray[Any], shape: tuple[int | None, ...]) -> None:
-    """Raise ShapeError unless ``array.shape`` matches `shape` (None: any length)."""
+    """Raise ShapeError unless ``array.shape`` matches `shape` (None: any length).
+
+    Parameters
+    ----------
+    name : str
+        What the array is, for the error message.
+    array : array
+    shape : tuple of int or None
+        Expected; None matches any length.
+
+    Raises
+    ------
+    ShapeError
+        If it differs.
+    """
     fits = len(array.shape) == len(shape) and all(
         want is None or have == want for have, want in zip(array.shape, shape, strict=True)
     )

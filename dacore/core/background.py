@@ -25,7 +25,16 @@ class ParametricMap(ABC):
 
     @abstractmethod
     def coefficients(self, points: Array) -> Array:
-        """Trajectories (r, t, k), in the bases and at the times of the background, of parameters (k, n_parameters)."""
+        """Trajectories (r, t, k), in the bases and at the times of the background, of parameters (k, n_parameters).
+
+        Parameters
+        ----------
+        points : (k, n_parameters) array
+
+        Returns
+        -------
+        (r, t, k) array
+        """
 
     @property
     @abstractmethod
@@ -40,6 +49,10 @@ class ParametricMap(ABC):
         points : (k, n_parameters) array
             Reaching as far as those that the map will be asked for.
         tolerance : float
+
+        Returns
+        -------
+        ParametricMap
         """
         return self
 
@@ -112,7 +125,21 @@ class Background(Displayed):
         return int(self.coefficients.shape[2])
 
     def block(self, field: str) -> slice:
-        """Rows of the coefficients that belong to `field`."""
+        """Rows of the coefficients that belong to `field`.
+
+        Parameters
+        ----------
+        field : str
+
+        Returns
+        -------
+        slice
+
+        Raises
+        ------
+        ShapeError
+            If the background has no such field.
+        """
         start = 0
         for each in self.space.fields:
             size = self.bases[each.name].dimension
@@ -122,36 +149,94 @@ class Background(Displayed):
         raise ShapeError(f"field {field!r}: not in this background")
 
     def scale(self, weights: Mapping[str, float]) -> Array:
-        """Square roots (r,) of the field weights: scaled coefficients have the weighted norm."""
+        """Square roots (r,) of the field weights: scaled coefficients have the weighted norm.
+
+        Parameters
+        ----------
+        weights : mapping of str to float
+            One for each field.
+
+        Returns
+        -------
+        (r,) array
+        """
         out = np.empty(self.dimension)
         for field in self.space.fields:
             out[self.block(field.name)] = np.sqrt(weights[field.name])
         return out
 
     def mean(self) -> Array:
-        """Coefficients (r, t) of the training mean of each time step: the prior guess."""
+        """Coefficients (r, t) of the training mean of each time step: the prior guess.
+
+        Returns
+        -------
+        (r, t) array
+        """
         return np.asarray(self.coefficients.mean(axis=2))
 
     def without_mean(self, coefficients: Array, fields: Sequence[str]) -> Array:
-        """Coefficients (r, t, k) of trajectories less their mean over the steps, for some fields."""
+        """Coefficients (r, t, k) of trajectories less their mean over the steps, for some fields.
+
+        Parameters
+        ----------
+        coefficients : (r, t, k) array
+        fields : sequence of str
+
+        Returns
+        -------
+        (r, t, k) array
+        """
         out = np.array(coefficients)
         for name in fields:
             out[self.block(name)] -= out[self.block(name)].mean(axis=1, keepdims=True)
         return out
 
     def less_mean(self, fields: Sequence[str]) -> "Background":
-        """Return the background of trajectories less their mean over the steps, for some fields."""
+        """Return the background of trajectories less their mean over the steps, for some fields.
+
+        Parameters
+        ----------
+        fields : sequence of str
+
+        Returns
+        -------
+        Background
+        """
         forward = None if self.forward is None else _LessMean(self, self.forward, tuple(fields))
         return replace(self, coefficients=self.without_mean(self.coefficients, fields), forward=forward)
 
     def parametric(self, message: str) -> ParametricMap:
-        """Return the map from parameters to trajectories; CapabilityError with a message if training left none."""
+        """Return the map from parameters to trajectories; CapabilityError with a message if training left none.
+
+        Parameters
+        ----------
+        message : str
+            What needs the map, for the error.
+
+        Returns
+        -------
+        ParametricMap
+
+        Raises
+        ------
+        CapabilityError
+            If training left no map.
+        """
         if self.forward is None:
             raise CapabilityError(f"{message}; train with training.method = 'reduced'")
         return self.forward
 
     def observe(self, matrix: Sparse) -> Array:
-        """Functionals (m, n_dofs) applied to every mode: (m, r)."""
+        """Functionals (m, n_dofs) applied to every mode: (m, r).
+
+        Parameters
+        ----------
+        matrix : (m, n_dofs) csr_array
+
+        Returns
+        -------
+        (m, r) array
+        """
         out = np.zeros((matrix.shape[0], self.dimension))
         for field in self.space.fields:
             columns = matrix[:, self.space.layout.block(field.name)]
@@ -160,12 +245,32 @@ class Background(Displayed):
         return out
 
     def project(self, states: Array) -> Array:
-        """Coefficients (r, ...) of the best approximation of states (n_dofs, ...), field by field."""
+        """Coefficients (r, ...) of the best approximation of states (n_dofs, ...), field by field.
+
+        Parameters
+        ----------
+        states : (n_dofs, ...) array
+
+        Returns
+        -------
+        (r, ...) array
+        """
         parts = [self.bases[f.name].project(states[self.space.layout.block(f.name)]) for f in self.space.fields]
         return np.concatenate(parts)
 
     def lift(self, coefficients: Array, fields: tuple[str, ...] | None = None) -> Array:
-        """States (n_dofs, ...) of coefficients (r, ...); fields left out are zero."""
+        """States (n_dofs, ...) of coefficients (r, ...); fields left out are zero.
+
+        Parameters
+        ----------
+        coefficients : (r, ...) array
+        fields : tuple of str, optional
+            All by default.
+
+        Returns
+        -------
+        (n_dofs, ...) array
+        """
         names = tuple(f.name for f in self.space.fields) if fields is None else fields
         shape = (self.space.n_dofs, *coefficients.shape[1:])
         flat = coefficients.reshape(len(coefficients), -1)

@@ -8,7 +8,23 @@ from dacore.errors import ShapeError
 
 
 def check_scale(noise_scale: Array | float, series: int) -> Array:
-    """Return the noise scale as (k,) numbers of 0 or more; ShapeError otherwise."""
+    """Return the noise scale as (k,) numbers of 0 or more; ShapeError otherwise.
+
+    Parameters
+    ----------
+    noise_scale : float or (k,) array
+    series : int
+        How many there are, k.
+
+    Returns
+    -------
+    (k,) array
+
+    Raises
+    ------
+    ShapeError
+        If it is negative, not finite, or of another number of series.
+    """
     scale = np.asarray(noise_scale, dtype=np.float64)
     if scale.shape not in ((), (series,)) or not (np.isfinite(scale).all() and (scale >= 0).all()):
         raise ShapeError(
@@ -18,7 +34,22 @@ def check_scale(noise_scale: Array | float, series: int) -> Array:
 
 
 def observed_steps(background: Background, steps: IntArray | None) -> IntArray:
-    """Return which of the background's times are observed, all for None; ShapeError if they are none or not its own."""
+    """Return which of the background's times are observed, all for None; ShapeError if they are none or not its own.
+
+    Parameters
+    ----------
+    background : Background
+    steps : (t,) int array or None
+
+    Returns
+    -------
+    (t,) int array
+
+    Raises
+    ------
+    ShapeError
+        If they are none, not its own, or one is there twice.
+    """
     count = len(background.times)
     if steps is None:
         return np.arange(count)
@@ -29,7 +60,23 @@ def observed_steps(background: Background, steps: IntArray | None) -> IntArray:
 
 
 def check_mask(mask: BoolArray | None, m: int) -> BoolArray | None:
-    """Return `mask` as (m,) booleans, None if it leaves everything; ShapeError if it is no mask or leaves nothing."""
+    """Return `mask` as (m,) booleans, None if it leaves everything; ShapeError if it is no mask or leaves nothing.
+
+    Parameters
+    ----------
+    mask : (m,) bool array or None
+    m : int
+        Number of functionals.
+
+    Returns
+    -------
+    (m,) bool array or None
+
+    Raises
+    ------
+    ShapeError
+        If it is no mask, or leaves nothing.
+    """
     if mask is None:
         return None
     flags = np.asarray(mask)
@@ -47,6 +94,22 @@ def check_data(data: Array, m: int, t: int, mask: BoolArray | None = None) -> Ar
     """Return `data` as a finite float64 array (m, t, k), zero where masked; ShapeError says what is wrong.
 
     Data (m, t) are those of one series.
+
+    Parameters
+    ----------
+    data : (m, t, k) or (m, t) array
+    m, t : int
+        Number of functionals and of observed steps.
+    mask : (m,) bool array, optional
+
+    Returns
+    -------
+    (m, t, k) array
+
+    Raises
+    ------
+    ShapeError
+        If shape, type or values are wrong.
     """
     given = np.asarray(data)
     if given.shape == (m, t):

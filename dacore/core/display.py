@@ -37,7 +37,12 @@ class Rows:
     title: str = ""
 
     def text(self) -> list[str]:
-        """Lines of aligned columns."""
+        """Lines of aligned columns.
+
+        Returns
+        -------
+        list of str
+        """
         shown = [self.headers, *self.rows[:_LINES]]
         widths = [max(len(row[k]) for row in shown) for k in range(len(self.headers))]
         lines = [f"  {self.title}"] if self.title else []
@@ -48,7 +53,12 @@ class Rows:
         return lines + [f"  … and {len(self.rows) - _LINES} more"] * (len(self.rows) > _LINES)
 
     def html(self) -> str:
-        """A table, its text escaped."""
+        """A table, its text escaped.
+
+        Returns
+        -------
+        str
+        """
         head = "".join(f'<th style="{_HEAD}">{escape(cell)}</th>' for cell in self.headers)
         body = "".join(
             "<tr>" + "".join(f'<td style="{_CELL}">{escape(cell)}</td>' for cell in row) + "</tr>"
@@ -81,7 +91,12 @@ class Card:
     notebook: tuple[Rows, ...] = ()
 
     def text(self) -> str:
-        """One line if it fits, else a line for each fact and each row."""
+        """One line if it fits, else a line for each fact and each row.
+
+        Returns
+        -------
+        str
+        """
         facts = [(name, _cut(value)) for name, value in self.facts if value]
         tables = [table for table in self.tables if table.rows]
         line = f"{self.title}({'; '.join(f'{name}: {value}' for name, value in facts)})" if facts else self.title
@@ -92,7 +107,12 @@ class Card:
         return "\n".join([*lines, *(line for table in tables for line in table.text())])
 
     def html(self) -> str:
-        """A heading and tables, styled inline, all text escaped."""
+        """A heading and tables, styled inline, all text escaped.
+
+        Returns
+        -------
+        str
+        """
         rows = "".join(
             f'<tr><th scope="row" style="{_HEAD}">{escape(name)}</th><td style="{_CELL}">{escape(value)}</td></tr>'
             for name, value in self.facts

@@ -13,7 +13,12 @@ class Domain(ABC):
         """Make the mesh [cm]. The same settings give the same mesh, bit for bit."""
 
     def fingerprint(self) -> str:
-        """What the mesh depends on besides the settings, such as a hash of a file's content."""
+        """What the mesh depends on besides the settings, such as a hash of a file's content.
+
+        Returns
+        -------
+        str
+        """
         return ""
 
     def expected_nodes(self) -> int | None:

@@ -25,11 +25,30 @@ class Riesz(ABC):
 
     @abstractmethod
     def lift(self, weights: Array) -> Array:
-        """States M⁻¹ℓᵀ z (n_dofs, ...) of weights z (m, ...) on the raw functionals."""
+        """States M⁻¹ℓᵀ z (n_dofs, ...) of weights z (m, ...) on the raw functionals.
+
+        Parameters
+        ----------
+        weights : (m, ...) array
+
+        Returns
+        -------
+        (n_dofs, ...) array
+        """
 
     @abstractmethod
     def pair(self, functionals: Functionals) -> Array:
-        """Q M⁻¹ ℓᵀ as an (s, m) array; zero where q and ℓ see no common field."""
+        """Q M⁻¹ ℓᵀ as an (s, m) array; zero where q and ℓ see no common field.
+
+        Parameters
+        ----------
+        functionals : Functionals
+            The s rows of Q.
+
+        Returns
+        -------
+        (s, m) array
+        """
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,14 +152,33 @@ class Estimate(Displayed):
         return np.asarray(values.reshape(components, -1, *values.shape[1:]))
 
     def state(self, series: int | slice = slice(None), step: int | slice = slice(None)) -> Array:
-        """Lift to states: (n_dofs, ...) with the axes left after indexing (t, k)."""
+        """Lift to states: (n_dofs, ...) with the axes left after indexing (t, k).
+
+        Parameters
+        ----------
+        series, step : int or slice
+            Which of the k series and of the t steps; all by default.
+
+        Returns
+        -------
+        (n_dofs, ...) array
+        """
         out = self.background.lift(self.coefficients[:, step, series])
         if self.correction is not None and self.riesz is not None:
             out += self.riesz.lift(self.correction[:, step, series])
         return out
 
     def functional(self, functionals: Functionals) -> Array:
-        """Values (s, t, k) of functionals in space, without lifting a state."""
+        """Values (s, t, k) of functionals in space, without lifting a state.
+
+        Parameters
+        ----------
+        functionals : Functionals
+
+        Returns
+        -------
+        (s, t, k) array
+        """
         reduced = self.background.observe(functionals.matrix)
         out = np.tensordot(reduced, self.coefficients, axes=1)
         if self.correction is not None and self.riesz is not None:
@@ -150,14 +188,37 @@ class Estimate(Displayed):
         return np.asarray(out)
 
     def quantity(self, quantity: QuantityOfInterest) -> Array:
-        """Values (s, k) of a quantity; s counts its functionals times its outputs in time."""
+        """Values (s, k) of a quantity; s counts its functionals times its outputs in time.
+
+        Parameters
+        ----------
+        quantity : QuantityOfInterest
+
+        Returns
+        -------
+        (s, k) array
+        """
         values = self.functional(quantity.functionals(self.background.space))
         weights = quantity.time_weights(values.shape[1])
         every = np.asarray(np.einsum("ot,stk->sok", weights, values))
         return every.reshape(every.shape[0] * every.shape[1], self.n_series)
 
     def standard_deviation(self, quantity: QuantityOfInterest) -> Array:
-        """Standard deviation (s, k) of `quantity`; ShapeError if the estimator gives none."""
+        """Standard deviation (s, k) of `quantity`; ShapeError if the estimator gives none.
+
+        Parameters
+        ----------
+        quantity : QuantityOfInterest
+
+        Returns
+        -------
+        (s, k) array
+
+        Raises
+        ------
+        ShapeError
+            If the estimator gives none.
+        """
         uncertainty, on_modes, on_correction = self._uncertain(quantity)
         return np.asarray(np.sqrt(uncertainty.variance(on_modes, on_correction)))
 
@@ -170,6 +231,10 @@ class Estimate(Displayed):
             Point values, for instance.
         step, series : int
             Which state, as `state` counts them.
+
+        Returns
+        -------
+        (s,) array
         """
         if self.uncertainty is None:
             raise ShapeError("this estimate carries no uncertainty; use an estimator that gives one")
@@ -187,7 +252,23 @@ class Estimate(Displayed):
         return np.asarray(np.sqrt(variance))
 
     def interval(self, quantity: QuantityOfInterest, level: float = 0.9) -> tuple[Array, Array]:
-        """Central interval of `quantity` as (low, high), each (s, k); Gaussian unless the estimator knows better."""
+        """Central interval of `quantity` as (low, high), each (s, k); Gaussian unless the estimator knows better.
+
+        Parameters
+        ----------
+        quantity : QuantityOfInterest
+        level : float
+            Between 0 and 1.
+
+        Returns
+        -------
+        low, high : (s, k) arrays
+
+        Raises
+        ------
+        ShapeError
+            If the estimate has no uncertainty, or the level is none.
+        """
         if not 0 < level < 1:
             raise ShapeError(f"level: got {level}, expected between 0 and 1")
         uncertainty, on_modes, on_correction = self._uncertain(quantity)

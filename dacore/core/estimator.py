@@ -42,7 +42,12 @@ class PreparedEstimator(Displayed, ABC):
         return Card(type(self).__name__, tuple(facts))
 
     def spaces(self) -> tuple[BackgroundSpace, ...]:
-        """Background spaces in use: one, one for each observed step, or none for an estimator without."""
+        """Background spaces in use: one, one for each observed step, or none for an estimator without.
+
+        Returns
+        -------
+        tuple of BackgroundSpace
+        """
         return ()
 
     @property
@@ -62,6 +67,10 @@ class PreparedEstimator(Displayed, ABC):
             Factor on the prepared noise's standard deviation, for each series; 0 means exact data.
         mask : (m,) bool array, optional
             Which functionals are valid; None for all.
+
+        Returns
+        -------
+        Estimate
         """
 
     def readout(self, quantity: QuantityOfInterest, noise_scale: float = 1.0, mask: BoolArray | None = None) -> Readout:
@@ -74,6 +83,10 @@ class PreparedEstimator(Displayed, ABC):
             As `estimate` takes it, one for all series that will be read.
         mask : (m,) bool array, optional
             As `estimate` takes it.
+
+        Returns
+        -------
+        Readout
 
         Raises
         ------
@@ -119,18 +132,47 @@ class Estimator(ABC):
             Of the raw values, up to the factor that `PreparedEstimator.estimate` takes.
         steps : (t,) int array, optional
             Which of the background's times are observed; None for all.
+
+        Returns
+        -------
+        PreparedEstimator
         """
 
     def groundwork(self) -> Mapping[str, Any] | None:
-        """Settings (JSON values) of what `prepare` makes of a background alone; None if that is not worth keeping."""
+        """Settings (JSON values) of what `prepare` makes of a background alone; None if that is not worth keeping.
+
+        Returns
+        -------
+        mapping or None
+        """
         return None
 
     def pack(self, background: Background) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """Make it, and return it as named arrays and facts (JSON values); CapabilityError if there is none."""
+        """Make it, and return it as named arrays and facts (JSON values); CapabilityError if there is none.
+
+        Parameters
+        ----------
+        background : Background
+
+        Returns
+        -------
+        arrays, facts : mappings of str
+
+        Raises
+        ------
+        CapabilityError
+            If the estimator keeps nothing.
+        """
         raise CapabilityError(f"{type(self).__name__} keeps nothing of a background")
 
     def unpack(self, arrays: Mapping[str, Array], facts: Mapping[str, Any], background: Background) -> None:
         """Take what `pack` returned as made, so that `prepare` with this very background does not make it again.
+
+        Parameters
+        ----------
+        arrays, facts : mappings of str
+            As `pack` returned them.
+        background : Background
 
         Raises
         ------

@@ -72,7 +72,21 @@ class Layout(Displayed):
         return sum(field.components * self.nodes[field.name] for field in self.fields)
 
     def field(self, name: str) -> Field:
-        """Return the field called `name`; CapabilityError if there is none."""
+        """Return the field called `name`; CapabilityError if there is none.
+
+        Parameters
+        ----------
+        name : str
+
+        Returns
+        -------
+        Field
+
+        Raises
+        ------
+        CapabilityError
+            If there is none.
+        """
         for field in self.fields:
             if field.name == name:
                 return field
@@ -80,7 +94,21 @@ class Layout(Displayed):
         raise CapabilityError(f"field {name!r}: this state has the fields {known}")
 
     def block(self, name: str) -> slice:
-        """Slice of the dofs of field `name`."""
+        """Slice of the dofs of field `name`.
+
+        Parameters
+        ----------
+        name : str
+
+        Returns
+        -------
+        slice
+
+        Raises
+        ------
+        CapabilityError
+            If there is no such field.
+        """
         start = 0
         for field in self.fields:
             size = field.components * self.nodes[field.name]
@@ -91,7 +119,22 @@ class Layout(Displayed):
         raise AssertionError
 
     def component(self, name: str, index: int) -> slice:
-        """Slice of the dofs of component `index` of field `name`."""
+        """Slice of the dofs of component `index` of field `name`.
+
+        Parameters
+        ----------
+        name : str
+        index : int
+
+        Returns
+        -------
+        slice
+
+        Raises
+        ------
+        ShapeError
+            If the field has no such component.
+        """
         field = self.field(name)
         if not 0 <= index < field.components:
             raise ShapeError(f"component of {name}: got {index}, expected 0 to {field.components - 1}")

@@ -172,19 +172,66 @@ class Mesh(Displayed):
         return _frozen(nodes), _frozen(np.concatenate([self.cells, len(self.points) + self.cell_edges], axis=1))
 
     def nodes(self, order: int) -> Array:
-        """Coordinates (n_nodes, d) [cm] of the nodes of elements of order 1 or 2."""
+        """Coordinates (n_nodes, d) [cm] of the nodes of elements of order 1 or 2.
+
+        Parameters
+        ----------
+        order : {1, 2}
+
+        Returns
+        -------
+        (n_nodes, d) array [cm]
+        """
         return self.points if order == 1 else self._quadratic[0]
 
     def cell_nodes(self, order: int) -> IntArray:
-        """Node numbers (c, n_local) of each cell for elements of order 1 or 2."""
+        """Node numbers (c, n_local) of each cell for elements of order 1 or 2.
+
+        Parameters
+        ----------
+        order : {1, 2}
+
+        Returns
+        -------
+        (c, n_local) int array
+        """
         return self.cells if order == 1 else self._quadratic[1]
 
     def boundary_facets(self, role: str) -> IntArray:
-        """Facets (f, d) that carry `role`; MeshError if the mesh has no such role."""
+        """Facets (f, d) that carry `role`; MeshError if the mesh has no such role.
+
+        Parameters
+        ----------
+        role : str
+
+        Returns
+        -------
+        (f, d) int array
+
+        Raises
+        ------
+        MeshError
+            If the mesh has no such role.
+        """
         return np.asarray(self.facets[self.facet_tags == self._tag(role)])
 
     def boundary_nodes(self, role: str, order: int = 1) -> IntArray:
-        """Nodes on the closed facets that carry `role`, sorted."""
+        """Nodes on the closed facets that carry `role`, sorted.
+
+        Parameters
+        ----------
+        role : str
+        order : {1, 2}
+
+        Returns
+        -------
+        (n,) int array
+
+        Raises
+        ------
+        MeshError
+            If the mesh has no such role.
+        """
         facets = self.boundary_facets(role)
         vertices = np.unique(facets)
         if order == 1:
@@ -203,7 +250,17 @@ class Mesh(Displayed):
 
 
 def check_distinct(cells: IntArray) -> None:
-    """MeshError if a cell names a point twice, or two cells have the same points."""
+    """MeshError if a cell names a point twice, or two cells have the same points.
+
+    Parameters
+    ----------
+    cells : (c, d + 1) int array
+
+    Raises
+    ------
+    MeshError
+        If one is degenerate, or two are the same.
+    """
     ordered = np.sort(cells, axis=1)
     twice = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
     if twice.any():
@@ -220,7 +277,21 @@ def check_distinct(cells: IntArray) -> None:
 
 
 def exterior_facets(cells: IntArray) -> IntArray:
-    """Facets (f, d) that belong to one cell only, oriented outwards for positive cells."""
+    """Facets (f, d) that belong to one cell only, oriented outwards for positive cells.
+
+    Parameters
+    ----------
+    cells : (c, d + 1) int array
+
+    Returns
+    -------
+    (f, d) int array
+
+    Raises
+    ------
+    MeshError
+        If a facet belongs to more than two cells.
+    """
     n = cells.shape[1]
     facets = []
     for k in range(n):

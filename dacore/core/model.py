@@ -58,7 +58,22 @@ class ForwardModel(Displayed, ABC):
 
     @abstractmethod
     def solve(self, parameters: Parameters) -> Trajectory:
-        """Solve for one parameter vector; ConvergenceError if the solver fails."""
+        """Solve for one parameter vector; ConvergenceError if the solver fails.
+
+        Parameters
+        ----------
+        parameters : mapping of str to float
+            Every parameter by name.
+
+        Returns
+        -------
+        Trajectory
+
+        Raises
+        ------
+        ConvergenceError
+            If the solver fails.
+        """
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -111,7 +126,20 @@ class Load(Displayed):
 
     @classmethod
     def at_start(cls, name: str, amplitude: Coefficient, state: Array) -> "Load":
-        """Return the load that is the state (n_dofs,) at t = 0, per unit of amplitude, and nothing afterwards."""
+        """Return the load that is the state (n_dofs,) at t = 0, per unit of amplitude, and nothing afterwards.
+
+        Parameters
+        ----------
+        name : str
+        amplitude : callable
+            θ -> float.
+        state : (n_dofs,) array
+            Per unit of amplitude.
+
+        Returns
+        -------
+        Load
+        """
         none = np.zeros(len(state))
         return cls(name, amplitude, at_start, none, none, state)
 
@@ -188,17 +216,47 @@ class AffineModel(Displayed):
         )
 
     def amplitudes(self, parameters: Parameters) -> Array:
-        """Amplitude (n_loads,) of each load at θ."""
+        """Amplitude (n_loads,) of each load at θ.
+
+        Parameters
+        ----------
+        parameters : mapping of str to float
+
+        Returns
+        -------
+        (n_loads,) array
+        """
         return np.array([load.amplitude(parameters) for load in self.loads])
 
 
 def at_start(times: Array) -> Array:
-    """Return factors (t,) at times (t,) [s]: one at t = 0, zero afterwards; the profile of an initial state."""
+    """Return factors (t,) at times (t,) [s]: one at t = 0, zero afterwards; the profile of an initial state.
+
+    Parameters
+    ----------
+    times : (t,) array [s]
+
+    Returns
+    -------
+    (t,) array
+    """
     return np.asarray(np.equal(times, 0), dtype=np.float64)
 
 
 def combine(terms: Sequence[AffineTerm], parameters: Parameters, n: int) -> Sparse:
-    """Σ coefficient(θ) · matrix as an (n, n) csr_array."""
+    """Σ coefficient(θ) · matrix as an (n, n) csr_array.
+
+    Parameters
+    ----------
+    terms : sequence of AffineTerm
+    parameters : mapping of str to float
+    n : int
+        Number of degrees of freedom.
+
+    Returns
+    -------
+    (n, n) csr_array
+    """
     total = csr_array((n, n), dtype=np.float64)
     for term in terms:
         total = total + term.coefficient(parameters) * term.matrix

@@ -15,22 +15,69 @@ class NoiseModel(ABC):
 
     @abstractmethod
     def colour(self, white: Array) -> Array:
-        """Turn independent unit normals (m, ...) into noise (m, ...)."""
+        """Turn independent unit normals (m, ...) into noise (m, ...).
+
+        Parameters
+        ----------
+        white : (m, ...) array
+
+        Returns
+        -------
+        (m, ...) array [unit of the values]
+        """
 
     @abstractmethod
     def whiten(self, values: Array) -> Array:
-        """Inverse of `colour`."""
+        """Inverse of `colour`.
+
+        Parameters
+        ----------
+        values : (m, ...) array [unit of the values]
+
+        Returns
+        -------
+        (m, ...) array
+        """
 
     @abstractmethod
     def colour_transpose(self, weights: Array) -> Array:
-        """Transpose of `colour` on weights (m, ...): the variance of wᵀε is ‖colour_transpose(w)‖²."""
+        """Transpose of `colour` on weights (m, ...): the variance of wᵀε is ‖colour_transpose(w)‖².
+
+        Parameters
+        ----------
+        weights : (m, ...) array
+
+        Returns
+        -------
+        (m, ...) array
+        """
 
     @abstractmethod
     def marginal(self, mask: BoolArray) -> "NoiseModel":
-        """Noise of the functionals that `mask` (m,) keeps."""
+        """Noise of the functionals that `mask` (m,) keeps.
+
+        Parameters
+        ----------
+        mask : (m,) bool array
+
+        Returns
+        -------
+        NoiseModel
+        """
 
     def sample(self, rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
-        """Draw noise of shape (m, ...)."""
+        """Draw noise of shape (m, ...).
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+        shape : tuple of int
+            Beginning with m.
+
+        Returns
+        -------
+        array of that shape [unit of the values]
+        """
         return self.colour(rng.standard_normal(shape))
 
 
@@ -39,7 +86,17 @@ _SMALLEST, _LARGEST = 1e-100, 1e100
 
 
 def check_deviations(sigmas: Array) -> None:
-    """Raise ShapeError unless all standard deviations (m,) are positive and of a size that can be squared."""
+    """Raise ShapeError unless all standard deviations (m,) are positive and of a size that can be squared.
+
+    Parameters
+    ----------
+    sigmas : (m,) array
+
+    Raises
+    ------
+    ShapeError
+        If one is not positive, or of no size that can be squared.
+    """
     wrong = ~((sigmas >= _SMALLEST) & (sigmas <= _LARGEST))
     if wrong.any():
         raise ShapeError(

@@ -115,14 +115,38 @@ class ObservationOperator(ABC):
 
     @abstractmethod
     def functionals(self, space: StateSpace) -> Functionals:
-        """Return the functionals of what is measured on `space`."""
+        """Return the functionals of what is measured on `space`.
+
+        Parameters
+        ----------
+        space : StateSpace
+
+        Returns
+        -------
+        Functionals
+        """
 
     def fingerprint(self) -> str:
-        """Hash of the content of files that the settings name; empty without any."""
+        """Hash of the content of files that the settings name; empty without any.
+
+        Returns
+        -------
+        str
+        """
         return ""
 
     def check(self, space: StateSpace) -> None:
-        """Raise CapabilityError if `space` lacks what the operator needs."""
+        """Raise CapabilityError if `space` lacks what the operator needs.
+
+        Parameters
+        ----------
+        space : StateSpace
+
+        Raises
+        ------
+        CapabilityError
+            If something is missing.
+        """
         missing = self.needs - space.capabilities
         if missing:
             raise CapabilityError(

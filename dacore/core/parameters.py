@@ -51,7 +51,16 @@ class Parameter:
         return self.low == self.high
 
     def quantile(self, unit_interval: Array) -> Array:
-        """Map numbers of [0, 1] to values of the parameter."""
+        """Map numbers of [0, 1] to values of the parameter.
+
+        Parameters
+        ----------
+        unit_interval : array
+
+        Returns
+        -------
+        array of the same shape
+        """
         if self.distribution == "log_uniform":
             return np.asarray(self.low * (self.high / self.low) ** unit_interval)
         return np.asarray(self.low + (self.high - self.low) * unit_interval)
@@ -100,7 +109,21 @@ class ParameterSpace(Displayed):
         raise ShapeError(f"parameter {name!r}: this model has {', '.join(self.names)}")
 
     def restrict(self, ranges: Mapping[str, tuple[float, float]]) -> "ParameterSpace":
-        """Return the space with other ranges for some parameters (low = high fixes one)."""
+        """Return the space with other ranges for some parameters (low = high fixes one).
+
+        Parameters
+        ----------
+        ranges : mapping of str to (float, float)
+
+        Returns
+        -------
+        ParameterSpace
+
+        Raises
+        ------
+        ShapeError
+            If there is no such parameter, or it cannot have that range.
+        """
         for name in ranges:
             self[name]
         return ParameterSpace(
@@ -146,7 +169,21 @@ class ParameterSpace(Displayed):
         return np.stack(values, axis=1)
 
     def as_mapping(self, values: Sequence[float] | Array) -> dict[str, float]:
-        """Name the entries of one parameter vector (n_parameters,)."""
+        """Name the entries of one parameter vector (n_parameters,).
+
+        Parameters
+        ----------
+        values : (n_parameters,) array
+
+        Returns
+        -------
+        dict of str to float
+
+        Raises
+        ------
+        ShapeError
+            If there are more or fewer values.
+        """
         if len(values) != len(self.parameters):
             raise ShapeError(f"parameter vector: got {len(values)} values, expected {len(self.parameters)}")
         return {name: float(value) for name, value in zip(self.names, values, strict=True)}

@@ -26,7 +26,16 @@ class QuantityOfInterest(ABC):
 
     @abstractmethod
     def functionals(self, space: StateSpace) -> Functionals:
-        """Functionals in space."""
+        """Functionals in space.
+
+        Parameters
+        ----------
+        space : StateSpace
+
+        Returns
+        -------
+        Functionals
+        """
 
     def of(self, states: Array, space: StateSpace) -> Array:
         """Values of a trajectory itself, as `Estimate.quantity` gives those of an estimate.
@@ -45,5 +54,14 @@ class QuantityOfInterest(ABC):
         return np.asarray(self.functionals(space)(states) @ self.time_weights(states.shape[1]).T).reshape(-1)
 
     def time_weights(self, n_steps: int) -> Array:
-        """Weights (outputs, t): one row of 1/t for "mean", the identity for "each"."""
+        """Weights (outputs, t): one row of 1/t for "mean", the identity for "each".
+
+        Parameters
+        ----------
+        n_steps : int
+
+        Returns
+        -------
+        (outputs, t) array
+        """
         return np.full((1, n_steps), 1.0 / n_steps) if self.over_time == "mean" else np.eye(n_steps)

@@ -53,24 +53,60 @@ class ReducedSpace(Displayed):
         return relative_tails(self.singular_values)
 
     def project(self, states: Array) -> Array:
-        """Coefficients (n, ...) of the orthogonal projection of states (n_dofs, ...)."""
+        """Coefficients (n, ...) of the orthogonal projection of states (n_dofs, ...).
+
+        Parameters
+        ----------
+        states : (n_dofs, ...) array
+
+        Returns
+        -------
+        (n, ...) array
+        """
         flat = states.reshape(states.shape[0], -1)
         return np.asarray(self.basis.T @ (self.product @ flat)).reshape(self.dimension, *states.shape[1:])
 
     def lift(self, coefficients: Array) -> Array:
-        """States (n_dofs, ...) of coefficients (n, ...)."""
+        """States (n_dofs, ...) of coefficients (n, ...).
+
+        Parameters
+        ----------
+        coefficients : (n, ...) array
+
+        Returns
+        -------
+        (n_dofs, ...) array
+        """
         flat = coefficients.reshape(coefficients.shape[0], -1)
         return np.asarray(self.basis @ flat).reshape(self.basis.shape[0], *coefficients.shape[1:])
 
     def truncate(self, n: int) -> "ReducedSpace":
-        """Return the space of the first n modes."""
+        """Return the space of the first n modes.
+
+        Parameters
+        ----------
+        n : int
+
+        Returns
+        -------
+        ReducedSpace
+        """
         if not 1 <= n <= self.dimension:
             raise ShapeError(f"dimension: got {n}, expected 1 to {self.dimension}")
         return ReducedSpace(self.basis[:, :n], self.singular_values, self.product)
 
 
 def relative_tails(singular_values: Array) -> Array:
-    """ε̂_n for n = 0 … k from k singular values, summed from the smallest for accuracy."""
+    """ε̂_n for n = 0 … k from k singular values, summed from the smallest for accuracy.
+
+    Parameters
+    ----------
+    singular_values : (k,) array
+
+    Returns
+    -------
+    (k + 1,) array
+    """
     squares = np.asarray(singular_values) ** 2
     tail = np.append(np.cumsum(squares[::-1])[::-1], 0.0)
     return np.sqrt(tail / tail[0]) if tail[0] > 0 else tail

@@ -14,12 +14,31 @@ from dacore.errors import ShapeError
 
 
 def local_edges(dim: int) -> list[tuple[int, int]]:
-    """Pairs of local vertices of the edges of a `dim`-simplex, in local order."""
+    """Pairs of local vertices of the edges of a `dim`-simplex, in local order.
+
+    Parameters
+    ----------
+    dim : int
+
+    Returns
+    -------
+    list of (int, int)
+    """
     return list(combinations(range(dim + 1), 2))
 
 
 def n_local(dim: int, order: int) -> int:
-    """Number of local nodes of order 1 or 2 on a `dim`-simplex."""
+    """Number of local nodes of order 1 or 2 on a `dim`-simplex.
+
+    Parameters
+    ----------
+    dim : int
+    order : {1, 2}
+
+    Returns
+    -------
+    int
+    """
     return dim + 1 if order == 1 else (dim + 1) * (dim + 2) // 2
 
 
@@ -49,6 +68,12 @@ def lagrange(order: int, barycentric: Array) -> Array:
 
 def lagrange_gradient(order: int, barycentric: Array) -> Array:
     """Derivatives of the Lagrange basis in the barycentric coordinates.
+
+    Parameters
+    ----------
+    order : {1, 2}
+    barycentric : (..., d + 1) array
+        Barycentric coordinates.
 
     Returns
     -------

@@ -58,7 +58,17 @@ class StateSpace(Displayed, ABC):
 
     @abstractmethod
     def scalar_product(self, field: str, kind: Product = "l2") -> Sparse:
-        """Inner product (n_nodes, n_nodes) of one component of `field`, symmetric positive definite."""
+        """Inner product (n_nodes, n_nodes) of one component of `field`, symmetric positive definite.
+
+        Parameters
+        ----------
+        field : str
+        kind : {"l2", "h1"}
+
+        Returns
+        -------
+        (n_nodes, n_nodes) csr_array
+        """
 
     def evaluation(self, points: Array, field: str, derivative: int | None = None) -> Sparse:
         """Values (or one partial derivative) of `field` at points (capability "points").
@@ -83,11 +93,25 @@ class StateSpace(Displayed, ABC):
         raise CapabilityError(f"{type(self).__name__} has no points in space; observe something else of it")
 
     def cells(self) -> CellGeometry:
-        """Cells and local polynomials (capability "cells")."""
+        """Cells and local polynomials (capability "cells").
+
+        Returns
+        -------
+        CellGeometry
+        """
         raise CapabilityError(f"{type(self).__name__} has no cells; use an observation that needs points only")
 
     def boundary_mean(self, role: str, field: str) -> Sparse:
-        """Mean of each component of `field` over the boundary `role`, (c, n_dofs) (capability "boundary")."""
+        """Mean of each component of `field` over the boundary `role`, (c, n_dofs) (capability "boundary").
+
+        Parameters
+        ----------
+        role, field : str
+
+        Returns
+        -------
+        (c, n_dofs) csr_array
+        """
         raise CapabilityError(f"{type(self).__name__} has no boundary; ask for a quantity of another kind")
 
     @property
@@ -108,7 +132,18 @@ class StateSpace(Displayed, ABC):
         return self.layout.n_dofs
 
     def place(self, scalar: Sparse, field: str, components: Sequence[int]) -> Sparse:
-        """Put scalar functionals (p, n_nodes) on components of a field: (p · len(components), n_dofs)."""
+        """Put scalar functionals (p, n_nodes) on components of a field: (p · len(components), n_dofs).
+
+        Parameters
+        ----------
+        scalar : (p, n_nodes) csr_array
+        field : str
+        components : sequence of int
+
+        Returns
+        -------
+        (p · len(components), n_dofs) csr_array
+        """
         block = coo_array(scalar)
         starts = [self.layout.component(field, c).start for c in components]
         rows = np.concatenate([block.row + k * scalar.shape[0] for k in range(len(starts))])
@@ -117,7 +152,17 @@ class StateSpace(Displayed, ABC):
         return csr_array((data, (rows, cols)), shape=(len(starts) * scalar.shape[0], self.n_dofs))
 
     def field_product(self, field: str, kind: Product = "l2") -> Sparse:
-        """Inner product (n_field, n_field) of all components of `field`."""
+        """Inner product (n_field, n_field) of all components of `field`.
+
+        Parameters
+        ----------
+        field : str
+        kind : {"l2", "h1"}
+
+        Returns
+        -------
+        (n_field, n_field) csr_array
+        """
         blocks = [self.scalar_product(field, kind)] * self.layout.field(field).components
         return csr_array(block_diag(blocks, format="csr"))
 

@@ -14,6 +14,17 @@ def time_unit(seconds: float) -> tuple[float, str]:
     """Return the unit that suits times up to `seconds`, and how many of it a second is.
 
     Units longer than a second suit only what lasts some of them.
+
+    Parameters
+    ----------
+    seconds : float
+        The longest time.
+
+    Returns
+    -------
+    factor : float
+        How many of the unit a second is.
+    unit : str
     """
     for factor, unit in _UNITS:
         if abs(seconds) * factor >= (4.0 if factor < 1 else 1.0):
@@ -90,5 +101,14 @@ class TimeGrid:
         return np.asarray(0.5 ** np.arange(self.graded, -1, -1.0))
 
     def divided(self, factor: int) -> "TimeGrid":
-        """Return the grid with the same recorded times and `factor` times as many steps."""
+        """Return the grid with the same recorded times and `factor` times as many steps.
+
+        Parameters
+        ----------
+        factor : int
+
+        Returns
+        -------
+        TimeGrid
+        """
         return replace(self, substeps=self.substeps * factor)

@@ -40,8 +40,13 @@ class Uncertainty(Displayed, ABC):
             The functionals of the estimate itself.
         level : float
             Between 0 and 1.
-        on_modes, on_correction
+        on_modes : (s, t, r) array
+        on_correction : (s, t, m) array or None
             As `variance` takes them.
+
+        Returns
+        -------
+        (s, k) array
         """
         return np.asarray(centre + float(norm.ppf(level)) * np.sqrt(self.variance(on_modes, on_correction)))
 

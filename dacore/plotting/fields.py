@@ -9,6 +9,7 @@ from dacore.core.arrays import Array
 from dacore.core.display import unit_text
 from dacore.core.estimator import Estimate
 from dacore.core.model import Trajectory
+from dacore.core.timegrid import time_unit
 from dacore.errors import ShapeError
 from dacore.figures.slices import Scale, bar, dress, paint, scale
 from dacore.figures.style import SPREAD, look, pretty
@@ -158,8 +159,9 @@ def plot_estimate(
             dress(ax, view, left=place == 0, bottom=True)
             ax.set_title(title)
             bar(figure_of(ax), [ax], colour_scale, colour_scale.label(label, unit), (values,))
-        moment = 1e3 * float(estimate.times[step])
-        row[0].set_title(f"{view.title}, {moment:.3g} ms", loc="left", fontsize=8, fontweight="normal", y=1.08)
+        factor, unit_of_time = time_unit(float(estimate.times[-1]))
+        moment = f"{factor * float(estimate.times[step]):.3g} {unit_of_time}"
+        row[0].set_title(f"{view.title}, {moment}", loc="left", fontsize=8, fontweight="normal", y=1.08)
     return np.array(row, dtype=object)
 
 

@@ -15,6 +15,7 @@ from dacore.core.observation import Functionals
 from dacore.core.parameters import Parameter, Parameters, ParameterSpace
 from dacore.core.quantity import QuantityOfInterest
 from dacore.core.space import StateSpace
+from dacore.core.timegrid import time_unit
 from dacore.errors import ShapeError
 from dacore.figures.style import FAINT, INK, colour, look, marker, pretty, share_text
 from dacore.figures.summary import draw_errors
@@ -152,7 +153,7 @@ def plot_quantity(
                     f"quantity: has {seen.count} numbers a step and series {series} of {one.n_series} is asked for; "
                     "expected one number and a series there is"
                 )
-            factor, _ = _time_unit(one.times)
+            factor, _ = time_unit(float(one.times[-1]))
             times, unit, last = factor * one.times, unit_text(seen.unit), float(one.times[-1])
             order = np.argsort(times)
             if one.uncertainty is not None:
@@ -168,7 +169,7 @@ def plot_quantity(
             if truth is not None and index == 0:
                 values = seen(truth.states)[0]
                 drawn.plot(factor * truth.times, values, color=INK, linewidth=1.1, linestyle=(0, (5, 3)), label="truth")
-        drawn.set_xlabel(f"time [{_time_unit(np.array([last]))[1]}]")
+        drawn.set_xlabel(f"time [{time_unit(last)[1]}]")
         drawn.set_ylabel(f"{pretty(name) or 'quantity'}  [{unit}]")
         drawn.ticklabel_format(axis="y", useOffset=False)
         drawn.legend()
@@ -262,10 +263,6 @@ def _along(parameter: Parameter, values: Array) -> Array:
     if parameter.distribution == "log_uniform":
         return np.asarray(np.log(np.maximum(values, 1e-300) / low) / np.log(high / low))
     return np.asarray((values - low) / (high - low))
-
-
-def _time_unit(times: Array) -> tuple[float, str]:
-    return (1.0, "s") if times[-1] >= 1.0 else (1e3, "ms")
 
 
 def _with_deviation(value: float, deviation: float) -> str:

@@ -80,6 +80,14 @@ class Registry(Displayed):
     def specs(self, kind: str) -> tuple[PluginSpec, ...]:
         """Return what is declared of a kind, sorted by name, whether or not its libraries are installed.
 
+        Parameters
+        ----------
+        kind : str
+
+        Returns
+        -------
+        tuple of PluginSpec
+
         Raises
         ------
         PluginError
@@ -96,6 +104,10 @@ class Registry(Displayed):
         ----------
         kind : {"backend", "domain", "model", "observation", "quantity", "estimator"}
         name : str
+
+        Returns
+        -------
+        type
 
         Raises
         ------
@@ -127,11 +139,30 @@ class Registry(Displayed):
         return cls
 
     def version(self, kind: str, name: str) -> str:
-        """Version of the distribution that declares a plugin; PluginError if none does."""
+        """Version of the distribution that declares a plugin; PluginError if none does.
+
+        Parameters
+        ----------
+        kind, name : str
+
+        Returns
+        -------
+        str
+
+        Raises
+        ------
+        PluginError
+            If nobody declares it.
+        """
         return self._find(kind, name).source.version
 
     def table(self) -> tuple[Row, ...]:
-        """Every plugin, ready or not, by kind and name; imports no plugin class."""
+        """Every plugin, ready or not, by kind and name; imports no plugin class.
+
+        Returns
+        -------
+        tuple of Row
+        """
         rows = [_row(each) for each in self.declarations] + [_failed(each) for each in self.failures]
         order = {kind: number for number, kind in enumerate(KINDS)}
         return tuple(sorted(rows, key=lambda row: (order.get(row.kind, len(order)), row.name, row.distribution)))

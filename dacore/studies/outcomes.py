@@ -110,7 +110,17 @@ class Outcome(Displayed):
         return self.source() if self.source is not None else None
 
     def worst_case(self, error: str) -> int:
-        """Number of the case whose space–time error is largest."""
+        """Number of the case whose space–time error is largest.
+
+        Parameters
+        ----------
+        error : str
+            Label of an error of a field or contrast.
+
+        Returns
+        -------
+        int
+        """
         return int(np.argmax(np.nan_to_num(self.space_time[error], nan=-1.0)))
 
 
@@ -177,7 +187,18 @@ class Validation(Displayed):
         return next((label for label in reversed(self.errors) if label != JOINT), "")
 
     def best(self, estimators: Sequence[str], noise: float) -> Outcome:
-        """Return the outcome of the least mean headline error, or of the nearest quantities, at one noise level."""
+        """Return the outcome of the least mean headline error, or of the nearest quantities, at one noise level.
+
+        Parameters
+        ----------
+        estimators : sequence of str
+        noise : float
+            Level Ξ.
+
+        Returns
+        -------
+        Outcome
+        """
         return min((self.outcome(name, noise) for name in estimators), key=self._badness)
 
     def _badness(self, outcome: Outcome) -> float:
@@ -187,7 +208,24 @@ class Validation(Displayed):
         return sum(each.rms / (guess[name].rms or 1.0) for name, each in outcome.quantities.items())
 
     def outcome(self, estimator: str, noise: float) -> Outcome:
-        """Return one outcome; the training mean is the same at every noise level."""
+        """Return one outcome; the training mean is the same at every noise level.
+
+        Parameters
+        ----------
+        estimator : str
+            Name in the scene, or "prior".
+        noise : float
+            Level Ξ.
+
+        Returns
+        -------
+        Outcome
+
+        Raises
+        ------
+        ShapeError
+            If there is no such outcome.
+        """
         for each in self.outcomes:
             if each.estimator == estimator and (estimator == PRIOR or each.noise == noise):
                 return each

@@ -42,6 +42,10 @@ def open_scene(
     fresh : collection of str
         Stages to make anew whatever is kept, "all" for all of them; what is made replaces what was kept.
 
+    Returns
+    -------
+    Session
+
     Raises
     ------
     SceneError

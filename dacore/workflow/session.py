@@ -219,13 +219,43 @@ class Session(Displayed):
         return self.prepared(estimator).estimate(np.asarray(data), noise, mask)
 
     def judged(self, estimator: str) -> Judged:
-        """Return what was found of an estimator on the unseen cases, with its stability and its spaces."""
+        """Return what was found of an estimator on the unseen cases, with its stability and its spaces.
+
+        Parameters
+        ----------
+        estimator : str
+            Its name in the scene.
+
+        Returns
+        -------
+        Judged
+
+        Raises
+        ------
+        SceneError
+            If the scene has no such estimator.
+        """
         self._known(estimator)
         made: Judged = self.runner[f"judged.{estimator}"]
         return made
 
     def prepared(self, estimator: str) -> PreparedEstimator:
-        """Return an estimator of the scene, prepared for noise of unit standard deviation."""
+        """Return an estimator of the scene, prepared for noise of unit standard deviation.
+
+        Parameters
+        ----------
+        estimator : str
+            Its name in the scene.
+
+        Returns
+        -------
+        PreparedEstimator
+
+        Raises
+        ------
+        SceneError
+            If the scene has no such estimator.
+        """
         self._known(estimator)
         made: PreparedEstimator = self.runner[f"prepared.{estimator}"]
         return made

@@ -54,6 +54,10 @@ def reconstruct(
     tolerance : float, optional [cm]
         How far sensors may be from where the scene has them.
 
+    Returns
+    -------
+    Reconstruction
+
     Raises
     ------
     DacoreError
