@@ -61,6 +61,7 @@ clone.prepare(ROOT, HERE / "_build")
 autosummary_generate = sorted(str(page.relative_to(HERE)) for page in HERE.glob("reference/*.md"))
 autosummary_ignore_module_all = False
 autosummary_imported_members = False
+viewcode_follow_imported_members = False
 # kstest of scipy has a signature that autodoc stumbles over before it sees that the module only imports it.
 autodoc_default_options = {"show-inheritance": True, "exclude-members": "kstest"}
 autodoc_member_order = "bysource"

@@ -2,9 +2,10 @@
 
 import re
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from sphinx.application import Sphinx
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 # Pages of the repository's root that the site shows under another name.
 _PAGES = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
@@ -47,10 +48,10 @@ def rewritten(text: str, page: str, root: Path) -> str:
     return _LINK.sub(one, text)
 
 
-def setup(app: Sphinx) -> dict[str, Any]:
+def setup(app: "Sphinx") -> dict[str, Any]:
     """Rewrite links of every page that is read."""
 
-    def read(app: Sphinx, page: str, source: list[str]) -> None:
+    def read(app: "Sphinx", page: str, source: list[str]) -> None:
         if app.env.doc2path(page).suffix == ".md":
             source[0] = rewritten(source[0], page, Path(app.srcdir).parent)
             source[0] += "\n" + _APPENDED.get(page, "")

@@ -4,9 +4,9 @@ Docstrings name parameters, methods and classes alike in single backticks, as nu
 has is known when all pages are read; a name that leads nowhere is no error there, unlike an explicit reference.
 """
 
-import re
 from typing import Any
 
+from docstrings import plain
 from docutils import nodes
 from sphinx import addnodes
 from sphinx.application import Sphinx
@@ -15,39 +15,6 @@ from sphinx.environment import BuildEnvironment
 from sphinx.util.docutils import SphinxRole
 
 _SOFT = "named-in-docstring"
-
-
-_CODE = re.compile(r"(``.+?``|`[^`]+`)")
-_MARKUP = re.compile(r"(?<!\\)\||(?<=\w)_(?=\W|$)")
-
-
-def plain(lines: list[str]) -> list[str]:
-    """Escape what formulas in docstrings have and reStructuredText would read as markup: ``|x|`` and ``x_``.
-
-    Parameters
-    ----------
-    lines : list of str
-        A docstring.
-
-    Returns
-    -------
-    list of str
-        The same with backslashes, but in code and in literal blocks.
-    """
-    out: list[str] = []
-    block: int | None = None
-    for line in lines:
-        indent = len(line) - len(line.lstrip())
-        if block is not None and line.strip() and indent <= block:
-            block = None
-        if block is None:
-            parts = _CODE.split(line)
-            parts[::2] = [_MARKUP.sub(r"\\\g<0>", part) for part in parts[::2]]
-            out.append("".join(parts))
-            block = indent if line.rstrip().endswith("::") else None
-        else:
-            out.append(line)
-    return out
 
 
 def _escape(_app: Sphinx, _what: str, _name: str, _object: object, _options: object, lines: list[str]) -> None:
