@@ -17,6 +17,7 @@ import numpy as np
 
 from dacore.algebra.solvers import Direct
 from dacore.core.arrays import Array, check_shape
+from dacore.core.display import Card, count, listed
 from dacore.core.model import AffineModel, Coefficient, ForwardModel, Trajectory
 from dacore.core.parameters import Parameters, ParameterSpace
 from dacore.core.solver import SolverMethod
@@ -83,6 +84,8 @@ class HarmonicModel(ForwardModel):
             raise ShapeError(f"frequency: got {frequency}, expected a positive number of Hz")
         if not 0 < tolerance < 1:
             raise ShapeError(f"tolerance: got {tolerance}, expected a number between 0 and 1")
+        if method is not None and not isinstance(method, SolverMethod):
+            raise ShapeError(f"method: got {method!r}, expected a SolverMethod such as dacore.algebra.solvers.Direct()")
         self.model, self.frequency, self.losses = model, float(frequency), dict(losses or {})
         self.method, self.tolerance = method or Direct(), tolerance
         self._system = HarmonicSystem(model, self.frequency, self.losses)
@@ -101,6 +104,20 @@ class HarmonicModel(ForwardModel):
     def __reduce__(self) -> tuple[Any, ...]:
         settings = (self.model, self.frequency, self.losses, self.method, self.tolerance)
         return HarmonicModel, (*settings, self.analysis)
+
+    def _card(self) -> Card:
+        return Card(
+            "HarmonicModel",
+            (
+                ("fields", listed([each.name for each in self.space.fields])),
+                ("degrees of freedom", count(self.space.n_dofs)),
+                ("frequency", f"{self.frequency:g} Hz; states at t = 0 and a quarter of the period"),
+                ("losses", listed(list(self.losses)) or "none"),
+                ("solver", type(self.method).__name__),
+                ("free parameters", listed([each.name for each in self.parameters.free])),
+                ("loads", listed([each.name for each in self.model.loads])),
+            ),
+        )
 
     @property
     def space(self) -> StateSpace:

@@ -198,6 +198,7 @@ def test_a_pickle_solves_alike_and_knows_the_analysis():
         ({"frequency": 0.0}, "frequency: got 0.0, expected a positive number of Hz"),
         ({"frequency": float("nan")}, "frequency: got nan"),
         ({"tolerance": 0.0}, "tolerance: got 0.0"),
+        ({"method": "direct"}, "method: got 'direct', expected a SolverMethod"),
         ({"losses": {"stiffness": abs}}, "losses: got stiffness, expected terms of zeroth order: modulus, alpha"),
         ({"losses": {"rho": abs}}, "losses: got rho"),
     ],
@@ -225,6 +226,13 @@ def test_what_does_not_fit_is_refused():
     loads = model.loads[:2]
     with pytest.raises(AccuracyError, match="harmonic system: unsymmetric by"):
         HarmonicModel(replace(model, constrained=free, loads=loads), F)
+
+
+def test_it_shows_itself():
+    text = repr(HarmonicModel(driven(), F, ETA))
+    assert "HarmonicModel" in text
+    assert "2 Hz" in text
+    assert "modulus" in text
 
 
 def test_cautions_are_asked_for_the_rate_of_the_frequency():
