@@ -11,6 +11,7 @@ from dacore.core.model import ForwardModel, Trajectory
 from dacore.core.parameters import ParameterSpace, Sampling
 from dacore.errors import ConvergenceError, DacoreError, ShapeError
 from dacore.execution.foreach import Run, crew
+from dacore.execution.worker_frames import place_of
 from dacore.io.leftovers import present
 from dacore.io.snapshots import TrajectoryStore
 
@@ -203,7 +204,7 @@ def _solve(model: ForwardModel, sample: Sample) -> Trajectory:
     except DacoreError as error:
         raise type(error)(f"{sample}: {error}") from error
     except Exception as error:
-        raise ConvergenceError(f"{sample}: {type(error).__name__}: {error}") from error
+        raise ConvergenceError(f"{sample}: {type(error).__name__}: {error} ({place_of(error)})") from error
     wanted = (model.space.n_dofs, len(model.times))
     if trajectory.states.shape != wanted or not np.array_equal(trajectory.times, model.times):
         raise ShapeError(
