@@ -262,7 +262,8 @@ class Estimate(Displayed):
 
         Returns
         -------
-        low, high : (s, k) arrays
+        low : (s, k) array
+        high : (s, k) array
 
         Raises
         ------

@@ -156,7 +156,8 @@ class Estimator(ABC):
 
         Returns
         -------
-        arrays, facts : mappings of str
+        arrays : mapping of str to array
+        facts : mapping of str
 
         Raises
         ------

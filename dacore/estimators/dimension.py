@@ -128,7 +128,8 @@ def expected_errors(
 
     Returns
     -------
-    missed, noise : (spaces, N) arrays
+    missed : (spaces, N) array
+    noise : (spaces, N) array
         Summed over the steps of each space; infinite where there are fewer modes.
     """
     spaces = len(folds[0].projection.modes)

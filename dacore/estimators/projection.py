@@ -131,7 +131,16 @@ def triangular(r: Array, right: Array, transposed: bool = False) -> Array:
 
 
 def alike(dimensions: IntArray, ratios: Array) -> Iterator[tuple[int, float, IntArray]]:
-    """Yield n, λ and the series (k',) that have both."""
+    """Yield n, λ and the series (k',) that have both.
+
+    Parameters
+    ----------
+    dimensions, ratios : (k,) arrays
+
+    Yields
+    ------
+    (int, float, (k',) int array)
+    """
     both = np.stack([dimensions.astype(np.float64), ratios])
     pairs, which = np.unique(both, axis=1, return_inverse=True)
     for number in range(pairs.shape[1]):

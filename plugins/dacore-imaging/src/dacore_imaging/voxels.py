@@ -78,15 +78,15 @@ class Voxels(ObservationOperator):
         Clip cells, or take the midpoints of this many parts a voxel axis. For comparison: its
         accuracy depends on how the points happen to fall on the mesh.
 
-    Notes
-    -----
-    Galarce et al. 2023 print the integral without its volume (errata); ``average = false`` gives that.
-    Values stand component by component, voxel by voxel, so that Gram matrices have equal blocks.
-
     Raises
     ------
     ShapeError
         If settings contradict each other or are out of range.
+
+    Notes
+    -----
+    Galarce et al. 2023 print the integral without its volume (errata); ``average = false`` gives that.
+    Values stand component by component, voxel by voxel, so that Gram matrices have equal blocks.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"cells"})
