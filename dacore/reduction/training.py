@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from dacore.core.arrays import Array, IntArray
 from dacore.core.background import Background
-from dacore.core.display import Displayed
+from dacore.core.display import Card, Displayed, count, percent
 from dacore.core.model import ForwardModel, Trajectory
 from dacore.core.parameters import ParameterSpace
 from dacore.dynamics.march import MarchedModel
@@ -45,6 +45,21 @@ class Reduced(Displayed):
     solved: IntArray
     motions: int
     estimates: Array
+
+    def _card(self) -> Card:
+        worst = ", ".join(
+            f"{field.name} {percent(float(row.max()))}"
+            for field, row in zip(self.background.space.fields, self.estimates, strict=True)
+        )
+        return Card(
+            "Reduced",
+            (
+                ("samples", count(self.background.n_samples)),
+                ("solved in full", f"{count(len(self.solved))}, {count(self.motions, 'motion')} each"),
+                ("rounds", count(len(self.rounds))),
+                ("largest estimated error", worst),
+            ),
+        )
 
 
 def train_reduced(
