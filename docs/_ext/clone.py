@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -61,13 +62,20 @@ def prepare(root: Path, build: Path) -> None:
 
 
 def cache(root: Path, build: Path) -> Path:
-    """Where executed notebooks are kept: under a hash of all code they may run, so that none shows what was."""
+    """Where executed notebooks are kept: under a hash of all code they may run, so that none shows what was.
+
+    What was kept under another one is removed.
+    """
     digest = hashlib.sha256()
     files = [*root.glob("dacore/**/*.py"), *root.glob("plugins/*/src/**/*.py"), *root.glob("examples/**/*.toml")]
     for file in sorted(files):
         digest.update(str(file.relative_to(root)).encode())
         digest.update(file.read_bytes())
-    return build / "executed" / digest.hexdigest()[:16]
+    kept = build / "executed" / digest.hexdigest()[:16]
+    for old in kept.parent.glob("*"):
+        if old != kept:
+            shutil.rmtree(old)
+    return kept
 
 
 def _folder(build: Path) -> Path:

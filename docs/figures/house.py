@@ -12,24 +12,28 @@ INK, SOFT, PAPER = "#1d2b36", "#5b6b78", "#ffffff"
 STORE, PLUGIN, WAIST, ROOF = "#e8eef3", "#dcefe4", "#f6c667", "#c9d9e6"
 
 FLOORS = (
-    ("errors", "one tree of exceptions"),
+    ("errors · deprecation", "one tree of exceptions; names on their way out"),
     ("core", "abstractions and values, no algorithm"),
-    ("plugins", "the door: hooks, declarations, settings"),
+    ("plugins · builtin", "the door: hooks, declarations, settings"),
     ("algebra · geometry", "POD, Gram matrices, solvers; cutting, locating"),
     ("io · execution", "scenes, snapshots, fields; many workers"),
     ("estimators · dynamics · domains", "the online phase; time steps; meshes"),
     ("reduction", "reduced models, training by them"),
     ("pipeline", "stages, keys, what is kept"),
     ("studies · figures", "questions asked of many runs; their pictures"),
-    ("workflow · testing", "a scene's stages, report; suites for plugins"),
+    ("workflow · testing · scaffold", "a scene's stages; suites; templates"),
+    ("plotting", "pictures for a notebook"),
     ("cli", "parse, call, print"),
 )
-OUTSIDE = ("backends", "domains", "models (physics)", "observations", "quantities", "estimators", "solvers", "studies")
+# Kinds of plugins, as the hooks name them.
+OUTSIDE = (
+    "backends", "domains", "models", "observations", "quantities", "estimators", "solvers", "formats", "studies",
+)  # fmt: skip
 
 
 def house(ax: plt.Axes) -> None:
     """Floors that imports only go down, and plugins that come through one door."""
-    left, width, height = 0.0, 6.6, 0.62
+    left, width, height = 0.0, 6.6, 0.57
     for k, (name, text) in enumerate(FLOORS):
         ax.add_patch(Rectangle((left, k * height), width, height, fc=STORE if k % 2 else PAPER, ec=INK, lw=1.1))
         ax.text(left + 0.18, (k + 0.5) * height, name, va="center", size=10.5, weight="bold", color=INK)
@@ -41,7 +45,7 @@ def house(ax: plt.Axes) -> None:
     ax.text(-0.62, top / 2, "imports go down", rotation=90, va="center", ha="center", size=10, color=SOFT)
     door = 2 * height
     ax.add_patch(Rectangle((left + width - 0.09, door + 0.06), 0.18, height - 0.12, fc=WAIST, ec=INK, lw=1.1))
-    x, step = 8.35, 0.58
+    x, step = 8.35, 0.54
     bottom = door + height / 2 - step * (len(OUTSIDE) - 1) / 2 + 1.15
     for k, name in enumerate(reversed(OUTSIDE)):
         y = bottom + k * step
@@ -53,7 +57,7 @@ def house(ax: plt.Axes) -> None:
         ax.text(x + 0.875, y, name, ha="center", va="center", size=9.2, color=INK)
         ax.plot([x - 0.02, left + width + 0.1], [y, door + height / 2], color=SOFT, lw=0.8, zorder=0)
     ax.text(x + 0.875, bottom + len(OUTSIDE) * step - 0.1, "plugins", ha="center", size=11, weight="bold", color=INK)
-    ax.text(x + 0.875, bottom - 0.62, "eight kinds,\none door", ha="center", va="center", size=9, color=SOFT)
+    ax.text(x + 0.875, bottom - 0.62, "nine kinds,\none door", ha="center", va="center", size=9, color=SOFT)
 
 
 def waists(ax: plt.Axes, x: float) -> None:

@@ -1,14 +1,17 @@
 """What the site's own extensions do: links out of the docs, docstrings, commands, and the look at built pages."""
 
 import importlib
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from dacore.cli.main import app
+from dacore.plugins.spec import Hooks
 
 ROOT = Path(__file__).resolve().parents[2]
 EXTENSIONS = ROOT / "docs/_ext"
@@ -58,6 +61,19 @@ def test_formulas_in_docstrings_are_no_markup():
         "Mean (1/\\|Ω\\|) ∫ v of `a|b` and ``x_``, a name\\_ with_many parts::", "", "    |code| x_", "", "\\|after\\|",
     ]  # fmt: skip
     assert plain(plain(lines)) == plain(lines)
+
+
+def test_the_house_has_the_floors_and_the_kinds_of_plugins_of_the_code(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs/figures"))
+    house = importlib.import_module("house")
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    floors = settings["tool"]["importlinter"]["contracts"][0]["layers"]
+    assert [name.split(" · ") for name, _ in house.FLOORS] == [re.split(r" [|:] ", floor) for floor in reversed(floors)]
+    hooks = [name.removeprefix("dacore_") for name in vars(Hooks) if name.startswith("dacore_")]
+    assert sorted(house.OUTSIDE) == sorted(hooks)
+    number = ("eight", "nine", "ten")[len(hooks) - 8]
+    picture = (ROOT / "docs/figures/house.py").read_text(encoding="utf-8")
+    assert f'"{number} kinds,' in picture
 
 
 PAGE = "<html><head>{}</head><body><h1 id='top'>T</h1>{}</body></html>"
