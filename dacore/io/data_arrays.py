@@ -14,7 +14,7 @@ from dacore.core.arrays import Array
 from dacore.core.data import Asked, Data, DataFormat, ImageData, SensorData
 from dacore.errors import ShapeError, StoreError
 from dacore.io.atomic import atomic_path
-from dacore.io.units import factor
+from dacore.io.units import chosen_unit, factor
 
 _NAMES = (
     "values", "labels", "positions", "directions", "components", "fields", "field", "times", "unit", "length_unit",
@@ -112,8 +112,10 @@ def interpret(arrays: Mapping[str, Any], name: str, asked: Asked, source: str) -
         values = values.astype(np.float64)
     length = factor(_text(arrays, "length_unit", name) or "cm", "cm", f"{name}: length_unit")
     times = _times(arrays, name, asked)
+    unit, notes = chosen_unit(asked.unit, _text(arrays, "unit", name), name)
     shared = {
-        "unit": asked.unit or _text(arrays, "unit", name),
+        "unit": unit,
+        "notes": notes,
         "times": times,
         "frequency": asked.frequency if asked.frequency is not None else _number(arrays, "frequency", name),
     }

@@ -12,7 +12,7 @@ import numpy as np
 from dacore.core.arrays import Array
 from dacore.core.data import Asked, DataFormat, SensorData
 from dacore.errors import ShapeError, StoreError
-from dacore.io.units import factor, split_header
+from dacore.io.units import chosen_unit, factor, split_header
 
 _TEXT = ("label", "field", "component")
 _NUMBERS = {
@@ -125,7 +125,8 @@ def _known(column: str, name: str) -> str:
 
 def _data(table: _Table, name: str, asked: Asked) -> SensorData:
     here = set(table.columns)
-    values, unit, notes = _values(table)
+    values, found = _values(table)
+    unit, notes = chosen_unit(asked.unit, found, name)
     places = None
     if axes := [axis for axis in "xyz" if axis in here]:
         if axes != list("xyz"[: len(axes)]) or len(axes) < 2:
@@ -168,13 +169,13 @@ def _data(table: _Table, name: str, asked: Asked) -> SensorData:
             raise ShapeError(f"{name}: has a column time, and --times is given; leave one of them out")
         when, times = np.array(asked.times), np.array(asked.times)
     return SensorData(
-        name, grid, asked.unit or unit, tuple(labels[k] for k in first) if labels is not None else (),
+        name, grid, unit, tuple(labels[k] for k in first) if labels is not None else (),
         None if places is None else places[first], directions[first], tuple(fields[k] for k in first),
-        None if times is None else when, spread, asked.frequency, tuple(notes),
+        None if times is None else when, spread, asked.frequency, notes,
     )  # fmt: skip
 
 
-def _values(table: _Table) -> tuple[np.ndarray, str | None, list[str]]:
+def _values(table: _Table) -> tuple[np.ndarray, str | None]:
     here = set(table.columns)
     given = [names for names in _VALUES if here & set(names)]
     if len(given) != 1 or not set(given[0]) <= here:
@@ -185,14 +186,14 @@ def _values(table: _Table) -> tuple[np.ndarray, str | None, list[str]]:
     first = table.numbers(names[0], missing=True)
     unit = table.units[names[0]]
     if names == ("value",):
-        return first, unit, []
+        return first, unit
     second = table.numbers(names[1], missing=True)
     if names == ("amplitude", "phase"):
         scale = factor(table.units["phase"] or "rad", "rad", f"{table.name}: column phase")
-        return first * np.exp(1j * scale * second), unit, []
+        return first * np.exp(1j * scale * second), unit
     if table.units["imag"] is not None and unit is not None:
         second = second * factor(table.units["imag"] or unit, unit, f"{table.name}: column imag")
-    return first + 1j * second, unit, []
+    return first + 1j * second, unit
 
 
 def _directions(table: _Table, dim: int) -> Array:

@@ -38,6 +38,13 @@ def factor(given: str, wanted: str, where: str) -> float:
         raise SceneError(f"{where}: got the unit {given!r}, expected one that converts to {wanted!r}") from error
 
 
+def chosen_unit(asked: str | None, found: str | None, name: str) -> tuple[str | None, tuple[str, ...]]:
+    """The unit that was asked for, or else that of the file; and a note if one replaces the other."""
+    if asked is None or found is None or asked == found:
+        return asked or found, ()
+    return asked, (f"{name}: says its values are in {found}; --unit {asked} is taken instead",)
+
+
 def split_header(text: str) -> tuple[str, str | None]:
     """Name and unit of a column: "value [mm]" gives ("value", "mm"); the unit is None without brackets."""
     found = _HEADER.fullmatch(text)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import permutations, product
 
 import numpy as np
@@ -64,15 +65,21 @@ def fit_image(data: ImageData, target: Target) -> Fitted:
     scales = {unit: factor(data.unit, unit, data.name) for unit in units}
     scale = np.array([scales[target.units[row]] for row in rows])
 
-    def read(values: Values, at: IntArray) -> Array:
-        out = np.full((target.count, values.shape[-2]), np.nan, dtype=values.dtype)
-        here = _inside(at, values.shape[: data.dim])
-        picked = values[tuple(at[here].T)]  # (k, t, c)
-        used = np.where(weights[here, None, :] != 0, weights[here, None, :] * picked, 0.0).sum(axis=2)
-        out[rows[here]] = scale[here, None] * used
+    place = np.full(target.count, -1)
+    place[rows] = np.arange(len(rows))
+
+    def read(image: Values, at: IntArray, weights: Array, wanted: IntArray) -> Array:
+        """Values (k, t) of some functionals in an image, whose voxels `at` (n, d) are those of `rows`."""
+        out = np.full((len(wanted), image.shape[-2]), np.nan, dtype=image.dtype)
+        mine = place[wanted]
+        here = np.flatnonzero((mine >= 0) & _inside(at[mine], image.shape[: data.dim]))
+        mine = mine[here]
+        used = np.where(weights[mine, None, :] != 0, weights[mine, None, :] * image[tuple(at[mine].T)], 0.0)
+        out[here] = scale[mine, None] * used.sum(axis=2)
         return out
 
-    values = read(data.values, numbers)
+    every = np.arange(target.count)
+    values = read(data.values, numbers, weights, every)
     if np.isnan(values).all():
         raise ShapeError(
             f"{data.name}: no voxel that the scene measures has a value; check the mask, the affine and the placement"
@@ -81,8 +88,9 @@ def fit_image(data: ImageData, target: Target) -> Fitted:
     if sigma is not None and data.sigma is not None:
         length = np.linalg.norm(weights, axis=1)
         sigma[rows] += (scale * length)[:, None] * data.sigma
-    others = [(name, read(turned, numbers)) for name, turned in (*_turned_arrays(data), *_components(data))]
-    others += [(name, read(data.values, moved)) for name, moved in _shifted(data, numbers)]
+    others = [(name, partial(read, turned, numbers, weights)) for name, turned in _turned_arrays(data)]
+    others += [(name, partial(read, data.values, numbers, other)) for name, other in _components(data, weights)]
+    others += [(name, partial(read, data.values, moved, weights)) for name, moved in _shifted(data, numbers)]
     given = int((~np.isnan(values)).sum())
     return Fitted(data.name, values, data.times, sigma, data.frequency, given, list(data.notes), warnings, others)
 
@@ -258,19 +266,17 @@ def _shifted(data: ImageData, numbers: IntArray) -> Iterator[tuple[str, IntArray
             )
 
 
-def _components(data: ImageData) -> list[tuple[str, Values]]:
-    """The image with its components in another order or of another sign."""
+def _components(data: ImageData, weights: Array) -> Iterator[tuple[str, Array]]:
+    """Weights of the image's components, with these in another order or of another sign."""
     count = len(data.components)
-    if count == 1:
-        return []
-    out = []
     for order, signs in product(permutations(range(count)), product((1.0, -1.0), repeat=count)):
-        own = order == tuple(range(count))
-        if (own and all(sign > 0 for sign in signs)) or all(sign < 0 for sign in signs):
-            continue
-        name = ", ".join(("-" if s < 0 else "") + "xyz"[data.components[k]] for k, s in zip(order, signs, strict=True))
-        out.append((f"its components read as ({name})", data.values[..., list(order)] * np.array(signs)))
-    return out
+        own = order == tuple(range(count)) and min(signs) > 0
+        if count > 1 and not own and max(signs) > 0:
+            parts = zip(order, signs, strict=True)
+            name = ", ".join(("-" if s < 0 else "") + "xyz"[data.components[k]] for k, s in parts)
+            other = np.empty_like(weights)
+            other[:, list(order)] = weights * np.array(signs)
+            yield f"its components read as ({name})", other
 
 
 def _edges(size: Array) -> str:

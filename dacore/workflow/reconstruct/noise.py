@@ -62,11 +62,8 @@ def _asked(text: str, largest: float, units: tuple[str, ...], given: str | None)
     share = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*%\s*", text)
     if share:
         return np.full(len(units), float(share[1]) / 100.0 * largest)
-    shown = (
-        text
-        if re.search(r"[a-zA-Zµμ%1]\s*$", text) and not re.fullmatch(r"[-+.\deE\s]+", text)
-        else f"{text} {given or ''}"
-    )
+    number = re.fullmatch(r"[\s+.\deE-]+", text)
+    shown = f"{text} {given}" if number and given else text
     known = {unit: parse_quantity(shown, unit, f"--noise {text}") for unit in set(units)}
     out = np.array([known[unit] for unit in units])
     if not (np.isfinite(out).all() and (out >= 0).all()):

@@ -1,10 +1,10 @@
 """Do data look like anything in the training set? A wrong unit, or axes that are exchanged, pass every other check."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from dacore.core.arrays import Array
+from dacore.core.arrays import Array, IntArray
 from dacore.core.background import Background
 from dacore.core.observation import Functionals
 from dacore.errors import DacoreError, ShapeError
@@ -19,6 +19,7 @@ _BETTER = 0.5
 _COMMON, _EXACT = 0.7, 1e-3
 # Of readings that fit about alike the first is named: one of the array before one of its components.
 _CLEARLY, _AGAINST = 0.9, 1.2
+_ENOUGH = 20_000
 _UNITS = ("m", "cm", "mm", "um", "nm")
 
 
@@ -95,31 +96,36 @@ def _round(value: float) -> str:
     return f"{float(f'{value:.1g}' if value >= 10 else f'{value:.2g}'):,.0f}" if value >= 10 else f"{value:.1f}"
 
 
-def better_reading(used: Used, training: Array, others: Sequence[tuple[str, Array]]) -> str | None:
+def better_reading(
+    used: Used, training: Array, others: Sequence[tuple[str, Callable[[IntArray], Array]]]
+) -> str | None:
     """Whether the data fit combinations of training data far better when they are read in another way.
 
     Parameters
     ----------
     used : Used
     training : (m', t, K) array
-    others : sequence of (str, (m, t) array)
-        The data read in other ways, at the steps that the scene measures that are used.
+    others : sequence of (str, callable)
+        The data read in other ways: functionals (k,) in, values (k, t) at the steps that are used out.
 
     Returns
     -------
     A warning, or None.
     """
-    flat = training.reshape(-1, training.shape[2])
+    # A part of very many data tells readings apart as well as all of them.
+    step = -(-training.shape[0] * training.shape[1] // _ENOUGH)
+    rows = np.flatnonzero(used.mask)[::step]
+    flat = training[::step].reshape(-1, training.shape[2])
     if flat.shape[0] <= 2 * flat.shape[1] or not flat.any():
         return None  # anything would fit
     # What many samples vary together: few directions, so that noise and other readings do not fit by chance.
     u, s, _ = np.linalg.svd(flat, full_matrices=False)
     basis = u[:, : max(1, int((np.cumsum(s[::-1] ** 2)[::-1] > 1e-4 * (s**2).sum()).sum()))]
 
-    mine, mean = used.values[used.mask].ravel(), flat.mean(axis=1)
+    mine, mean = used.values[rows].ravel(), flat.mean(axis=1)
     ratio, best, name = 1.0, 1.0, ""
     for other, values in others:
-        theirs = values[used.mask].ravel()
+        theirs = values(rows).ravel()
         both = ~np.isnan(theirs)
         if both.mean() < _COMMON:
             continue

@@ -2,13 +2,14 @@
 
 import logging
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from dacore.core.arrays import Array
+from dacore.core.arrays import Array, IntArray
 from dacore.core.data import Asked, Data, SensorData
 from dacore.core.estimator import Estimate
 from dacore.core.noise import SensorNoise, WhiteNoise
@@ -20,7 +21,7 @@ from dacore.workflow.reconstruct.plausible import better_reading, check_size, le
 from dacore.workflow.reconstruct.read import Source, read_data
 from dacore.workflow.reconstruct.result import Reconstruction
 from dacore.workflow.reconstruct.sensors import fit_sensors
-from dacore.workflow.reconstruct.steps import Used, choose, merge, on_steps
+from dacore.workflow.reconstruct.steps import Used, choose, merge, on_steps, timed
 from dacore.workflow.reconstruct.target import Fitted, Target, target_of
 from dacore.workflow.session import Session
 
@@ -85,7 +86,7 @@ def reconstruct(
     for each in fitted:
         notes += each.notes
         warnings += each.warnings
-    parts = [(each.name, *on_steps(each, each.values, target, notes)) for each in fitted]
+    parts = [(each.name, *on_steps(each, target, notes)) for each in fitted]
     used = choose(*merge(parts, target), target, warnings)
     unit = given[0].unit if len({each.unit for each in given}) == 1 else None
     levels = list(session.scene.noise.levels)
@@ -127,8 +128,11 @@ def _checks(
         (one,) = fitted
         place = {int(step): k for k, step in enumerate(target.observed)}
         columns = [place[int(step)] for step in used.steps]
-        others = [(name, on_steps(one, values, target, [])[0][:, columns]) for name, values in one.others]
-        found.append(better_reading(used, training, others))
+
+        def read(other: Callable[[IntArray], Array], rows: IntArray) -> Array:
+            return timed(one, other(rows), target, [])[:, columns]
+
+        found.append(better_reading(used, training, [(name, partial(read, other)) for name, other in one.others]))
     return [line for line in found if line]
 
 

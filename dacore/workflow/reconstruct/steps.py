@@ -40,14 +40,12 @@ class Used:
         return int(self.mask.sum()) * len(self.steps)
 
 
-def on_steps(data: Fitted, values: Array, target: Target, notes: list[str]) -> tuple[Array, Array | None]:
+def on_steps(data: Fitted, target: Target, notes: list[str]) -> tuple[Array, Array | None]:
     """Values and deviations (m, t) at the steps that the scene measures; NaN where there is none.
 
     Parameters
     ----------
     data : Fitted
-    values : (m, ·) array
-        Those of the data, or the same read in another way.
     target : Target
     notes : list of str
         Is added to.
@@ -57,17 +55,23 @@ def on_steps(data: Fitted, values: Array, target: Target, notes: list[str]) -> t
     ShapeError
         If no time is one of the scene's, or nobody says which are which.
     """
+    values = timed(data, data.values, target, notes)
+    if data.sigma is None:
+        return values, None
+    if np.iscomplexobj(data.values):
+        return values, np.where(np.isnan(values), np.nan, data.sigma)
+    return values, timed(data, data.sigma, target, [])
+
+
+def timed(data: Fitted, values: Array, target: Target, notes: list[str]) -> Array:
+    """Values (k, ·) at the times of some data as values (k, t) at the steps that the scene measures."""
     if np.iscomplexobj(values):
         return _harmonic(data, values, target, notes)
-    columns = _columns(data, target, notes)
     out = np.full((len(values), len(target.observed)), np.nan)
-    sigma = None if data.sigma is None else np.full(out.shape, np.nan)
-    for step, column in enumerate(columns):
+    for step, column in enumerate(_columns(data, target, notes)):
         if column >= 0:
             out[:, step] = values[:, column]
-            if sigma is not None and data.sigma is not None:
-                sigma[:, step] = data.sigma[:, column]
-    return out, sigma
+    return out
 
 
 def _columns(data: Fitted, target: Target, notes: list[str]) -> list[int]:
@@ -99,7 +103,7 @@ def _columns(data: Fitted, target: Target, notes: list[str]) -> list[int]:
     return [int(np.argmax(near[:, j])) if near[:, j].any() else -1 for j in range(len(times))]
 
 
-def _harmonic(data: Fitted, values: Array, target: Target, notes: list[str]) -> tuple[Array, Array | None]:
+def _harmonic(data: Fitted, values: Array, target: Target, notes: list[str]) -> Array:
     """Re(v exp(iωt)) at the steps that are measured."""
     times = target.times[target.observed]
     if values.shape[1] != 1:
@@ -115,9 +119,7 @@ def _harmonic(data: Fitted, values: Array, target: Target, notes: list[str]) -> 
     if frequency is None or not (np.isfinite(frequency) and frequency > 0):
         raise ShapeError(f"{data.name}: complex values, and nobody says of which frequency; give --frequency in Hz")
     turns = np.exp(2j * np.pi * frequency * times)
-    out = np.real(values * turns[None, :])
-    sigma = None if data.sigma is None else np.where(np.isnan(out), np.nan, data.sigma)
-    return out, sigma
+    return np.asarray(np.real(values * turns[None, :]))
 
 
 def merge(parts: Sequence[tuple[str, Array, Array | None]], target: Target) -> tuple[Array, Array | None]:

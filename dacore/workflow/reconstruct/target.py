@@ -1,6 +1,6 @@
 """What a scene measures, row by row: what data are fitted to."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -88,8 +88,9 @@ class Fitted:
         Number of values that the files hold.
     notes, warnings : lists of str
         What was supposed, and what was left out, a line each.
-    others : list of (str, (m, t) array)
-        The same data read in another way: with axes exchanged or turned round, for instance.
+    others : sequence of (str, callable)
+        The same data read in another way, with axes exchanged or turned round for instance: functionals (k,) in,
+        their values (k, t) out.
     """
 
     name: str
@@ -100,7 +101,7 @@ class Fitted:
     given: int
     notes: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
-    others: list[tuple[str, Array]] = field(default_factory=list)
+    others: Sequence[tuple[str, Callable[[IntArray], Array]]] = ()
 
 
 def target_of(session: Session) -> Target:

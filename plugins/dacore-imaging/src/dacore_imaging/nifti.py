@@ -15,6 +15,7 @@ from dacore.core.arrays import Array, BoolArray
 from dacore.core.data import Asked, DataFormat, ImageData
 from dacore.errors import ShapeError, StoreError
 from dacore.io.atomic import atomic_write
+from dacore.io.units import chosen_unit
 
 _CENTIMETRES = {"meter": 100.0, "mm": 0.1, "micron": 1e-4}
 _SECONDS = {"sec": 1.0, "msec": 1e-3, "usec": 1e-6}
@@ -59,11 +60,13 @@ class Nifti(DataFormat):
         count = values.shape[4]
         if not asked.components and count == 2:
             raise ShapeError(f"{name}: two components of three; is a file missing? Say which with --components, as x,y")
+        unit, replaced = chosen_unit(asked.unit, first.unit, name)
+        notes = (*replaced, *dict.fromkeys(n for v in volumes for n in v.notes))
         return ImageData(
-            name, values, first.affine, asked.unit or first.unit,
+            name, values, first.affine, unit,
             asked.components or ((-1,) if count == 1 else tuple(range(count))),
             asked.field, asked.frame, np.array(asked.times) if asked.times is not None else first.times,
-            frequency=asked.frequency, mask=mask, notes=tuple(dict.fromkeys(n for v in volumes for n in v.notes)),
+            frequency=asked.frequency, mask=mask, notes=notes,
             source="nifti",
         )  # fmt: skip
 
