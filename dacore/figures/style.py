@@ -2,8 +2,8 @@
 
 import re
 import textwrap
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import wraps
 from io import BytesIO
 from typing import Any, ParamSpec
@@ -77,10 +77,17 @@ _LOOK: Any = {
 }
 
 
-def look() -> AbstractContextManager[None]:
+@contextmanager
+def look() -> Iterator[None]:
     """Draw in the common look: ``with look(): ...`` leaves matplotlib's settings as they were."""
-    # Entered by whoever draws; its type is matplotlib's own.
-    return mpl.rc_context(_LOOK)
+    # Only what is changed is put back: the first figure of a notebook loads its backend, which says in other settings
+    # that figures are to be shown.
+    before = {key: mpl.rcParams[key] for key in _LOOK}
+    mpl.rcParams.update(_LOOK)
+    try:
+        yield
+    finally:
+        mpl.rcParams.update(before)
 
 
 def styled(make: Callable[P, Figure]) -> Callable[P, Figure]:

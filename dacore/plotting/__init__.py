@@ -24,10 +24,6 @@ from dacore.errors import MissingDependencyError
 if find_spec("matplotlib") is None:
     raise MissingDependencyError("plotting needs matplotlib, which is not installed; pip install 'dacore[figures]'")
 
-# Before the first picture: imported while settings are changed for a picture, pyplot would lose a notebook's own
-# ("interactive") when they are put back, and no later picture would be shown.
-import matplotlib.pyplot  # noqa: F401
-
 from dacore.plotting.fields import plot_estimate, plot_slice
 from dacore.plotting.places import plot_mesh, plot_sensors
 from dacore.plotting.results import plot_errors, plot_parameters, plot_quantity

@@ -20,7 +20,7 @@ from dacore.figures.quantity import QuantityPanel, quantity
 from dacore.figures.slices import HEAD, Frame, Slab, View, scale
 from dacore.figures.spectrum import Spectrum, spectrum
 from dacore.figures.stability import RadiusCurve, RadiusMap, stability
-from dacore.figures.style import percent_text, plain_text, png, pretty, share_text, svg
+from dacore.figures.style import look, percent_text, plain_text, png, pretty, share_text, svg
 from dacore.figures.summary import summary
 from dacore.figures.voxels import component_name, measured_slice, on_slice
 from dacore.geometry.cut import cut_plane, planar_domain
@@ -458,3 +458,13 @@ def test_stability_shows_a_map_for_each_rule_and_the_line_of_the_theory():
     assert bar_labels(figure) == ["largest growth per step"] * 2
     with pytest.raises(ShapeError, match="map 'turned': got shape"):
         stability([RadiusMap("turned", gammas, betas, radii)], [])
+
+
+def test_the_look_puts_back_what_it_changed_and_nothing_else():
+    before = dict(mpl.rcParams)
+    with look():
+        assert dict(mpl.rcParams) != before
+        mpl.rcParams["interactive"] = not before["interactive"]  # as a notebook's backend does when it is first loaded
+    changed = {key for key, value in mpl.rcParams.items() if value != before[key]}
+    mpl.rcParams["interactive"] = before["interactive"]
+    assert changed == {"interactive"}
