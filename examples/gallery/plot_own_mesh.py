@@ -3,7 +3,7 @@ A mesh of your own
 ==================
 
 Any mesh that meshio reads is a domain: cells, facets with tags, and which tag plays which role.
-Here a beam is written to a file, as Gmsh or an image segmentation would, and one scene reads it.
+Here a beam is written to a file, as Gmsh or a segmentation would, and its sides play the roles that the model asks for.
 """
 
 from pathlib import Path
