@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 from dacore import open_scene
+from dacore.plugins.registry import load
+from dacore.workflow.comparison.run import compare
+from dacore.workflow.comparison.variants import Axis
 from dacore.workflow.run import run_scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -96,3 +99,19 @@ def test_full_and_reduced_training_agree(tmp_path):
         scene.prepared("minimum_variance").estimate(data[:, :, None], noise_scale=0.05).state() for scene in scenes
     )
     assert np.abs(one - other).max() < 5e-3 * np.abs(one).max()
+
+
+def test_libraries_are_compared_on_reduced_training_too(tmp_path):
+    """What is solved in full counts as solved; the others are marched by the reduced model."""
+    changes = (*SCENES["heat/applicator"][0], "validation.cases=2")
+    scene = ROOT / "examples/heat/applicator.toml"
+    ready = [row.name for row in load().table() if row.kind == "backend" and row.status == "ready"]
+    done = compare(scene, [Axis("backends", tuple(ready))], changes, tmp_path, rounds=1, workers=1)
+    for variant in done.variants:
+        assert variant.error == ""
+        assert variant.facts["trajectories"]["of"] == 18
+        assert 10 <= variant.facts["trajectories"]["solved"] < 18
+        if variant.agreement is not None:
+            groups = variant.agreement.groups()
+            assert max(groups[name] for name in ("matrices", "loads", "functionals")) < 1e-12
+            assert groups["trajectory"] < 1e-8
