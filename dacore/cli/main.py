@@ -37,6 +37,9 @@ Scheduler = Annotated[
 Fresh = Annotated[
     str | None, typer.Option("--fresh", metavar="A,B", help="stages to make anew whatever is kept, or all")
 ]
+_KINDS_HELP = (
+    "model, observation, quantity, estimator, solver, domain, backend, format or study [model and observation]"
+)
 Cache = Annotated[Path | None, typer.Option("--cache", metavar="DIR", help="where stages are kept [OUT/cache]")]
 
 
@@ -255,7 +258,7 @@ def new_plugin(
     name: Annotated[str, typer.Argument(metavar="NAME", help="of the distribution, such as dacore-tumour")],
     kinds: Annotated[
         list[str] | None,
-        typer.Option("--kind", metavar="KIND", help="model, observation, quantity, … [model and observation]"),
+        typer.Option("--kind", metavar="KIND", help=_KINDS_HELP),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="where the folder NAME goes [.]")] = None,
 ) -> None:

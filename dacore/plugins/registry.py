@@ -134,7 +134,7 @@ class Registry(Displayed):
             raise PluginError(f"{who} leaves {', '.join(abstract)} abstract; implement every abstract method")
         if kind != "backend" and (loose := _loose(cls)):
             raise PluginError(
-                f"{who} has the settings {', '.join(loose)}, but is no dataclass; put @dataclass(frozen=True) above it"
+                f"{who} has the setting {', '.join(loose)}, but is no dataclass; put @dataclass(frozen=True) above it"
             )
         return cls
 
@@ -228,11 +228,11 @@ def _check_kind(kind: str) -> None:
 
 
 def _loose(cls: type[Any]) -> list[str]:
-    """Names that a class annotates as a dataclass would, without being one."""
-    if "__dataclass_fields__" in vars(cls):
+    """Names that a class annotates and never sets: it was to be a dataclass. Others may do without."""
+    if "__dataclass_fields__" in vars(cls) or "__init__" in vars(cls):
         return []
     annotated = vars(cls).get("__annotations__", {})
-    return [name for name, hint in annotated.items() if "ClassVar" not in str(hint) and not name.startswith("_")]
+    return [name for name, hint in annotated.items() if "ClassVar" not in str(hint) and not hasattr(cls, name)]
 
 
 def _missing(spec: PluginSpec) -> list[str]:

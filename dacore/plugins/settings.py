@@ -109,6 +109,10 @@ def _build(cls: type[T], table: Any, base: Path | None) -> T:
     settings = [field for field in fields(cls) if field.init] if is_dataclass(cls) else []
     known = {field.name: field for field in settings}
     for key in table:
+        if key not in known and not is_dataclass(cls) and key in getattr(cls, "__annotations__", {}):
+            raise _TableError(
+                _key(key), f"{cls.__name__} has it, but is no dataclass; put @dataclass(frozen=True) above it"
+            )
         if key not in known:
             raise _TableError(_key(key), _unknown(str(key), list(known)))
     adapters = _adapters(cls, settings, base)

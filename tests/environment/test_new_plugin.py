@@ -115,12 +115,16 @@ def test_it_passes_its_tests_and_runs_from_its_scene(environment, plugin):
     assert re.search(r"observation +tumour_lines +ready", listed)
 
 
-def edited(old, new, where="model"):
+def edited(old, new, where="model", *more):
+    """Replace texts in a module: old, new, and further pairs of them."""
+
     def edit(package):
         file = package / f"{where}.py"
         text = file.read_text()
-        assert old in text
-        file.write_text(text.replace(old, new))
+        for before, after in ((old, new), *zip(more[::2], more[1::2], strict=True)):
+            assert before in text
+            text = text.replace(before, after)
+        file.write_text(text)
 
     return edit
 
@@ -145,8 +149,8 @@ FAULTS = {
         f"{TYPE} is not a subclass of dacore.core.model.Physics; derive it from that",
     ),
     "no dataclass": (
-        edited("@dataclass(frozen=True)\nclass R", "class R"),
-        f"{TYPE} has the settings inlet, order, rise, but is no dataclass; put @dataclass(frozen=True) above it",
+        edited("@dataclass(frozen=True)\nclass R", "class R", "model", 'inlet: str = "inlet"', "inlet: str"),
+        f"{TYPE} has the setting inlet, but is no dataclass; put @dataclass(frozen=True) above it",
     ),
     "abstract method missing": (
         edited("def build(", "def built("),

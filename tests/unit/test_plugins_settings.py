@@ -244,3 +244,18 @@ def test_any_value_is_taken_or_refused_in_one_line(key, value):
         return
     assert message.startswith(f"here.{key}")
     assert len(message.splitlines()) == 1
+
+
+class Undecorated:
+    edge: float = 1.0
+
+
+def test_a_setting_of_a_class_that_is_no_dataclass_says_what_is_missing():
+    assert isinstance(build(Undecorated, {}, "scene: domain"), Undecorated)  # without settings it needs no decorator
+    with pytest.raises(
+        SceneError, match=r"domain\.edge: Undecorated has it, but is no dataclass; put @dataclass"
+    ) as told:
+        build(Undecorated, {"edge": 2.0}, "scene: domain")
+    assert "\n" not in str(told.value)
+    with pytest.raises(SceneError, match=r"domain\.size: unknown key"):
+        build(Undecorated, {"size": 2.0}, "scene: domain")
