@@ -8,7 +8,7 @@ import numpy as np
 from dacore.workflow.drawn import unit_text
 from dacore.workflow.machine import peak_memory
 from dacore.workflow.reconstruct.result import Reconstruction
-from dacore.workflow.reconstruct.tables import data_table, notes_table, parameter_table, quantity_table
+from dacore.workflow.reconstruct.tables import data_table, parameter_table, quantity_table
 from dacore.workflow.report_parts import Card, Picture, Provenance, Report, Section, Table, Timing
 from dacore.workflow.tables import name_of, number_text, quantity_title, value_text
 
@@ -36,12 +36,9 @@ def make_report(
     def table(made: Table | None) -> list[Table]:
         return [] if made is None else [made]
 
-    beware = " ".join(f"**Beware:** {line}." for line in result.warnings)
+    doubts = [f"**Beware:** {line}." for line in result.warnings] + [f"Supposed: {line}." for line in result.notes]
     sections = [
-        Section(
-            "Does it fit?", f"{result.verdict}\n\n{beware}".strip(),
-            [*take("data_fit"), *table(notes_table(result))],
-        ),
+        Section("Does it fit?", "\n\n".join([result.verdict, *doubts]), take("data_fit")),
         Section("What was measured", "", [data_table(result), *take("measured_slice")]),
         Section("Reconstructed fields", "No truth is known here: what stands beside the fields is what the estimator "
                 "claims of their error.", take("fields")),

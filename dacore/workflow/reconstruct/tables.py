@@ -199,9 +199,9 @@ def parameter_table(result: Reconstruction) -> Table | None:
 
 def notes_table(result: Reconstruction) -> Table | None:
     """Warnings and suppositions; None without any."""
-    rows: list[list[str | Cell]] = [[Cell("beware", "bad"), line] for line in result.warnings]
-    rows += [[Cell("supposed", "muted"), line] for line in result.notes]
-    return Table(["", "what"], rows, "What to beware of, and what was supposed") if rows else None
+    rows: list[list[str | Cell]] = [[Cell(f"beware: {line}", "bad")] for line in result.warnings]
+    rows += [[Cell(f"supposed: {line}", "muted")] for line in result.notes]
+    return Table(["what to beware of, and what was supposed"], rows) if rows else None
 
 
 def _with_deviation(value: float, deviation: float) -> str:
