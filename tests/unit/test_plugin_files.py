@@ -15,6 +15,7 @@ from dacore.io.scene import read_scene
 from dacore.plugins.files import import_file
 from dacore.plugins.registry import load
 from dacore.workflow.build import Builder
+from tests.workers import cluster
 
 ROOT = Path(__file__).resolve().parents[2]
 EPIDEMIC = ROOT / "examples/epidemic"
@@ -137,6 +138,15 @@ def test_worker_processes_have_its_classes(folder):
     alone = open_scene(folder / "epidemic.toml", SMALL, folder / "alone")
     two = open_scene(folder / "epidemic.toml", SMALL, folder / "two", workers=2)
     for one, other in zip(alone.runner["training"], two.runner["training"], strict=True):
+        np.testing.assert_array_equal(one.states, other.states)
+
+
+def test_workers_of_a_cluster_have_its_classes_and_no_file(folder, tmp_path_factory):
+    alone = open_scene(folder / "epidemic.toml", SMALL, folder / "alone")
+    with cluster(tmp_path_factory.mktemp("cluster"), 1) as made:
+        there = open_scene(folder / "epidemic.toml", SMALL, folder / "there", scheduler=str(made.file))
+        solved = there.runner["training"]
+    for one, other in zip(alone.runner["training"], solved, strict=True):
         np.testing.assert_array_equal(one.states, other.states)
 
 
