@@ -6,7 +6,6 @@ import shutil
 import sys
 from pathlib import Path
 
-_READ = ("examples", "plugins", "dacore")
 # In a notebook a command that fails is no error; on the site it must be one.
 _STARTUP = """import os
 import subprocess
@@ -45,10 +44,9 @@ def prepare(root: Path, build: Path) -> None:
     """
     folder = _folder(build)
     folder.mkdir(parents=True, exist_ok=True)
-    for name in _READ:
-        link = folder / name
-        if not link.is_symlink():
-            link.symlink_to(root / name)
+    link = folder / "examples"
+    if not link.is_symlink():
+        link.symlink_to(root / "examples")
     startup = build / "ipython/profile_default/startup"
     startup.mkdir(parents=True, exist_ok=True)
     (startup / "00-clone.py").write_text(_STARTUP.format(folder=str(folder)), encoding="utf-8")
