@@ -2,8 +2,9 @@
 
     python examples/own-data/make_data.py [FOLDER]
 
-writes scan.nii.gz and mask.nii.gz into FOLDER (runs/own-data by default); with --sensors it prints what sensors.csv
-beside this file holds. The truth is the first unseen case of the scene, so that what is reconstructed can be compared.
+writes scan.nii.gz and mask.nii.gz, and scan.toml beside them, into FOLDER (runs/own-data by default). With --sensors it
+prints what sensors.csv beside this file holds. The truth is the first unseen case of the scene, so that what is
+reconstructed can be compared.
 """
 
 import argparse
@@ -62,8 +63,8 @@ def make_scan(folder: Path) -> None:
     # First everything that the ball covers; the mask is then what the scanner saw of it.
     save(np.zeros(shape, np.uint8), affine, scan)
     save(np.ones(shape, np.uint8), affine, mask)
-    changes = [f"observation.scan.file='{scan.resolve()}'", f"observation.scan.mask='{mask.resolve()}'"]
-    scene = dacore.open_scene(HERE / "scan.toml", changes, cache=folder / "cache")
+    (folder / "scan.toml").write_text((HERE / "scan.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    scene = dacore.open_scene(folder / "scan.toml", cache=folder / "cache")
     data, _ = scene.observe(scene.truth[0], noise=NOISE, rng=np.random.default_rng(2))
     f, times = scene.functionals, scene.model.times
     # From places in the scene [cm] to voxels of the image.

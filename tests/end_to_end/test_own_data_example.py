@@ -48,8 +48,7 @@ def test_the_pressure_of_the_truth_is_found(folder, kind):
         said = script(folder, folder / "runs" / "own-data")
         assert "216 voxels, 8 times" in said
         files = {name: folder / "runs" / "own-data" / f"{name}.nii.gz" for name in ("scan", "mask")}
-        changes = [f"observation.scan.{key}='{files[name]}'" for key, name in (("file", "scan"), ("mask", "mask"))]
-        scene = dacore.open_scene(FOLDER / "scan.toml", changes, cache=cache)
+        scene = dacore.open_scene(folder / "runs" / "own-data" / "scan.toml", cache=cache)
         result = scene.reconstruct(files["scan"], mask=files["mask"], noise="5%")
         assert "6 of 648 measurements" in result.warnings[0]
     true = scene.quantities["cavity_pressure"].functionals(scene.model.space)(scene.truth[0].states).mean()
