@@ -84,11 +84,11 @@ class Choice:
         return np.asarray(found[:, which.ravel()])
 
     def _for_level(self, level: float, missed: Missed) -> IntArray:
-        """Dimension (spaces,) of the least expected error at one noise scale."""
+        """Dimension (spaces,) of the least expected error at one noise scale; 0 where data are next to noise alone."""
         if not self.folds:
             count = self.coefficients.shape[2]
             raise ShapeError(f"n: got 'noise' with {count} training trajectories, expected at least 3; give a number")
-        every = np.arange(1, int(self.usable.max()) + 1)
+        every = np.arange(int(self.usable.max()) + 1)
         if self.pencil is None:
             total = _with_noise(*self._expected(0.0), level)
         else:
@@ -102,7 +102,7 @@ class Choice:
                 bias, noise = self._expected(float(10.0**exponent))
                 total = np.where(exponents == exponent, _with_noise(bias, noise, level), total)
         total = np.where(every > self.usable[:, None], np.inf, total)
-        return np.where(self.usable > 0, np.argmin(total, axis=1) + 1, 0)
+        return np.asarray(np.argmin(total, axis=1))
 
     def _expected(self, ratio: float) -> tuple[Array, Array]:
         if ratio not in self._curves:

@@ -106,7 +106,7 @@ def expected_errors(
     ratio: float,
     count: int,
 ) -> tuple[Array, Array]:
-    """Mean squared errors of the estimates of n = 1 … N modes: those of exact data, and those from unit noise.
+    """Mean squared errors of the estimates of n = 0 … N modes: those of exact data, and those from unit noise.
 
     A trajectory is estimated in spaces that have not seen it. What the correction takes away is counted
     in the inner product of the estimator, times `mend`.
@@ -128,12 +128,12 @@ def expected_errors(
 
     Returns
     -------
-    missed : (spaces, N) array
-    noise : (spaces, N) array
+    missed : (spaces, N + 1) array
+    noise : (spaces, N + 1) array
         Summed over the steps of each space; infinite where there are fewer modes.
     """
     spaces = len(folds[0].projection.modes)
-    missed, noise = np.zeros((spaces, count)), np.zeros((spaces, count))
+    missed, noise = np.zeros((spaces, count + 1)), np.zeros((spaces, count + 1))
     total = sum(int(fold.mask.sum()) for fold in folds)
     for fold in folds:
         p = fold.projection
@@ -166,17 +166,21 @@ def _curves(
     # Of the noise in the correction, only what depends on n is counted.
     bent = (q * share[:, None]).T @ q
     straight = np.diag(coloured) if factors is None else (q**2 * (share * factors**2)[:, None]).sum(axis=0)
-    missed, noise = np.full(count, np.inf), np.full(count, np.inf)
+    missed, noise = np.full(count + 1, np.inf), np.full(count + 1, np.inf)
+    # Without a mode the estimate is the offset and its correction.
+    missed[0], noise[0] = size, 0.0
+    if mend:
+        missed[0] -= mend * float(share @ (rest**2).sum(axis=1))
     for n in range(1, n_max + 1):
         if not np.abs(np.diag(r)[:n]).min() > 0:
             break
         c = triangular(r[:n, :n], along[:n])
-        missed[n - 1] = size - 2.0 * float((c * cross[:n]).sum()) + float((c * (gram[:n, :n] @ c)).sum())
+        missed[n] = size - 2.0 * float((c * cross[:n]).sum()) + float((c * (gram[:n, :n] @ c)).sum())
         inverse = triangular(r[:n, :n], np.eye(n))
-        noise[n - 1] = float(((inverse.T @ gram[:n, :n] @ inverse) * coloured[:n, :n]).sum())
+        noise[n] = float(((inverse.T @ gram[:n, :n] @ inverse) * coloured[:n, :n]).sum())
         if mend:
             rest = rest - np.outer(q[:, n - 1], along[n - 1])
-            missed[n - 1] -= mend * float(share @ (rest**2).sum(axis=1))
+            missed[n] -= mend * float(share @ (rest**2).sum(axis=1))
             twice = 2.0 * float(straight[:n].sum()) - float((bent[:n, :n] * coloured[:n, :n]).sum())
-            noise[n - 1] += mend * (twice - 2.0 * float(np.trace(coloured[:n, :n])))
+            noise[n] += mend * (twice - 2.0 * float(np.trace(coloured[:n, :n])))
     return missed, noise
