@@ -1,5 +1,6 @@
 """How the documentation site is built: `make docs`. Nothing is fetched, neither while building nor while reading."""
 
+import shutil
 import sys
 from pathlib import Path
 
@@ -49,6 +50,9 @@ myst_heading_anchors = 4
 myst_dmath_double_inline = True
 nb_execution_mode = "cache"
 nb_execution_cache_path = str(clone.cache(ROOT, HERE / "_build"))
+if not Path(nb_execution_cache_path).exists():
+    # The code has changed, but the gallery looks at its own files only.
+    shutil.rmtree(HERE / "gallery", ignore_errors=True)
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
 nb_execution_timeout = 300

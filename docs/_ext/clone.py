@@ -16,7 +16,7 @@ os.chdir({folder!r})
 # A command writes to a page, not to a terminal.
 for name in ("FORCE_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "PAGER", "GIT_PAGER"):
     os.environ.pop(name, None)
-os.environ.update(TERM="dumb", COLUMNS="100", PYTHONUNBUFFERED="1")
+os.environ.update(TERM="dumb", COLUMNS="96", PYTHONUNBUFFERED="1")
 matplotlib.rcParams["figure.dpi"] = 110
 
 
