@@ -113,7 +113,7 @@ class Reconstruction(Displayed):
         place = {int(step): k for k, step in enumerate(self.estimate.steps)}
         return np.asarray(every[:, [place[int(step)] for step in self.used.steps]])
 
-    @property
+    @cached_property
     def residual(self) -> Array:
         """Data less fit (m, t); NaN where nothing was used."""
         return np.asarray(self.used.values - self.fit)

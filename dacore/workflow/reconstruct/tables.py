@@ -53,14 +53,14 @@ def residuals_csv(result: Reconstruction) -> str:
     """What was measured and what the estimate says of it, a row for each functional and step of the scene."""
     f, used = result.target.functionals, result.used
     head = ["label", *"xyz"[: f.centres.shape[1]], "time [s]", "value", "fit", "residual", "sigma", "unit", "used"]
-    rows = []
+    rows, fit, residual = [], result.fit, result.residual
     for k in range(f.count):
         for j, step in enumerate(used.steps):
             taken = bool(used.mask[k])
             rows.append(
                 [
                     f.labels[k], *map(_plain, f.centres[k]), _plain(result.target.times[step]),
-                    _plain(used.values[k, j]), _plain(result.fit[k, j]), _plain(result.residual[k, j]),
+                    _plain(used.values[k, j]), _plain(fit[k, j]), _plain(residual[k, j]),
                     _plain(result.sigma[k]) if taken else "", result.target.units[k], "yes" if taken else "no",
                 ]
             )  # fmt: skip
