@@ -100,7 +100,7 @@ class Projection:
         return coefficients, None if left is None else self.metric.back(left)
 
     def _coefficients(self, space: int, r: Array, right: Array, shape: tuple[int, ...]) -> Array:
-        if self.limits is None:
+        if self.limits is None or not len(r):
             return triangular(r, right)
         low, high = (
             np.broadcast_to(each[: len(r), :, None], (len(r), *shape)).reshape(len(r), -1)

@@ -194,3 +194,15 @@ def test_too_few_trajectories_to_hold_out_are_refused():
         PBDW(n=1, fit="regularised", weights={"p": 1.0}).prepare(background, functionals, WhiteNoise()).estimate(
             np.zeros((M, 5, 1))
         )
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_noise_alone_leaves_the_mean_in_a_box_too(stand):
+    _, background, functionals = stand
+    data = 1e4 * np.random.default_rng(3).standard_normal((M, 5, 2))
+    for box in (None, 1.0):
+        settings = PBDW(n="noise", weights={"p": 0.4}, correction=False, box=box)
+        prepared = settings.prepare(background, functionals, WhiteNoise(SIGMA))
+        estimate = prepared.estimate(data, 1e4 / SIGMA)
+        mean = background.lift(background.mean()[:, :, None])
+        assert np.allclose(estimate.state(), mean, atol=1e-9), box
