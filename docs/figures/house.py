@@ -69,8 +69,8 @@ def waists(ax: plt.Axes, x: float) -> None:
         ("StateSpace", "second waist: fields, products, evaluation", WAIST),
         ("estimation", "compression · observations · estimators · studies", STORE),
     )
-    wide, narrow, high = 4.7, 3.1, 0.98
-    gap, y = 0.52, 6.98
+    wide, narrow, high = 6.6, 4.6, 0.86
+    gap, y = 0.34, -1.75
     centre = x + wide / 2
     previous = None
     for title, text, colour in rows:
@@ -82,8 +82,8 @@ def waists(ax: plt.Axes, x: float) -> None:
                 fc=colour, ec=INK, lw=1.6 if waist else 1.1, zorder=2,
             )
         )  # fmt: skip
-        ax.text(centre, y - 0.36, title, ha="center", va="center", size=11.5, weight="bold", color=INK, zorder=3)
-        ax.text(centre, y - 0.69, text, ha="center", va="center", size=7.6 if waist else 8.8,
+        ax.text(centre, y - 0.3, title, ha="center", va="center", size=11.5, weight="bold", color=INK, zorder=3)
+        ax.text(centre, y - 0.62, text, ha="center", va="center", size=9.2,
                 color=INK if waist else SOFT, zorder=3)  # fmt: skip
         if previous is not None:
             ax.add_patch(
@@ -95,20 +95,20 @@ def waists(ax: plt.Axes, x: float) -> None:
             )  # fmt: skip
         previous = width
         y -= high + gap
-    ax.text(centre, 7.55, "two narrow waists", ha="center", size=12, weight="bold", color=INK)
+    ax.text(centre, -1.45, "two narrow waists", ha="center", size=12, weight="bold", color=INK)
     ax.text(
-        centre, y + 0.12, "P physics, B backends, O measurements\ncost P + B + O plugins, not P · B · O",
-        ha="center", va="top", size=9.2, color=SOFT,
+        centre + wide / 2 + 0.3, -4.2, "P physics,\nB backends and\nO measurements\ncost P + B + O\nplugins, not P · B · O",
+        ha="left", va="center", size=9.6, color=SOFT,
     )  # fmt: skip
 
 
 def main() -> None:
     """Write the picture."""
     mpl.rcParams.update({"svg.hashsalt": "dacore", "font.family": "DejaVu Sans", "svg.fonttype": "path"})
-    figure, ax = plt.subplots(figsize=(13.2, 7.3))
+    figure, ax = plt.subplots(figsize=(9.0, 13.1))
     house(ax)
-    waists(ax, 10.9)
-    ax.set(xlim=(-0.95, 15.75), ylim=(-1.0, 8.2), aspect="equal")
+    waists(ax, 0.0)
+    ax.set(xlim=(-0.95, 10.3), ylim=(-7.7, 8.2), aspect="equal")
     ax.axis("off")
     figure.subplots_adjust(0, 0, 1, 1)
     target = Path(__file__).resolve().parents[1] / "images/house.svg"
