@@ -2,6 +2,7 @@
 
 import csv
 import difflib
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,9 @@ _NUMBERS = {
 }  # fmt: skip
 _COLUMNS = (*_TEXT, *_NUMBERS)
 _VALUES: tuple[tuple[str, ...], ...] = (("value",), ("real", "imag"), ("amplitude", "phase"))
+# The first line that spreadsheets write to say how the cells are separated.
+_SEPARATOR = re.compile(r'\s*"?sep=.?"?\s*', re.IGNORECASE)
+_PARENTHESES = re.compile(r"(\w+)\s*\((.+)\)")
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
 
 
@@ -70,16 +74,26 @@ class _Table:
         ]
         if not numbered:
             raise ShapeError(f"{name}: is empty; expected a header such as 'x,y,z,component,value [mm]' and rows")
-        separator = max(",;\t", key=numbered[0][1].count)
-        rows = list(csv.reader([line for _, line in numbered], delimiter=separator))
-        header = [split_header(cell) for cell in rows[0]]
-        lines = [number for number, _ in numbered[1:]]
-        if not lines:
+        if _SEPARATOR.fullmatch(numbered[0][1]):
+            del numbered[0]  # what spreadsheets write for one another
+        separator = max(",;\t", key=numbered[0][1].count) if numbered else ","
+        cells = list(csv.reader([line for _, line in numbered], delimiter=separator))
+        if len(cells) != len(numbered):
+            raise ShapeError(f"{name}: a quotation mark is opened and not closed on its line")
+        filled = [(number, row) for (number, _), row in zip(numbered, cells) if any(cell.strip() for cell in row)]
+        if len(filled) < 2:
             raise ShapeError(f"{name}: has a header and no rows; expected a row for each sensor")
+        lines, rows = [number for number, _ in filled[1:]], [row for _, row in filled]
+        if all(len(row) == len(rows[0]) and not row[-1].strip() for row in rows):
+            rows = [row[:-1] for row in rows]  # every line ends in a separator
+        header = [split_header(cell) for cell in rows[0]]
         for number, row in zip(lines, rows[1:], strict=True):
             if len(row) != len(header):
+                commas = (
+                    ": are there decimal commas? Write points" if separator == "," and len(row) > len(header) else ""
+                )
                 raise ShapeError(
-                    f"{name}, line {number}: {len(row)} cells, expected {len(header)} as the header has columns"
+                    f"{name}, line {number}: {len(row)} cells, expected {len(header)} as the header has columns{commas}"
                 )
         names = [_known(column.lower(), name) for column, _ in header]
         if len(set(names)) < len(names):
@@ -99,8 +113,9 @@ class _Table:
             try:
                 out[k] = float(cell)
             except ValueError as error:
+                point = " with a decimal point" if "," in cell else ""
                 raise ShapeError(
-                    f"{self.name}, line {self.lines[k]}: {column} is {cell!r}, expected a number"
+                    f"{self.name}, line {self.lines[k]}: {column} is {cell!r}, expected a number{point}"
                 ) from error
         bad = np.isinf(out) if missing else ~np.isfinite(out)
         if bad.any():
@@ -118,6 +133,10 @@ class _Table:
 def _known(column: str, name: str) -> str:
     if column in _COLUMNS:
         return column
+    if bare := _PARENTHESES.fullmatch(column):
+        raise ShapeError(
+            f"{name}: unknown column {column!r}; units stand in square brackets, as '{bare[1]} [{bare[2]}]'"
+        )
     close = difflib.get_close_matches(column, _COLUMNS, n=1)
     hint = f"did you mean {close[0]!r}?" if close else f"allowed are {', '.join(_COLUMNS)}"
     raise ShapeError(f"{name}: unknown column {column!r}; {hint}")
@@ -189,7 +208,16 @@ def _values(table: _Table) -> tuple[np.ndarray, str | None]:
         return first, unit
     second = table.numbers(names[1], missing=True)
     if names == ("amplitude", "phase"):
+        largest = float(np.nanmax(np.abs(second), initial=0.0))
+        if table.units["phase"] is None and largest > 2.02 * np.pi:
+            raise ShapeError(
+                f"{table.name}: column phase: without a unit it is in radians, but goes up to {largest:.4g}; write the "
+                "unit into the header, as 'phase [deg]' or 'phase [rad]'"
+            )
         scale = factor(table.units["phase"] or "rad", "rad", f"{table.name}: column phase")
+        if (first < 0).any():
+            line = table.lines[int(np.flatnonzero(first < 0)[0])]
+            raise ShapeError(f"{table.name}, line {line}: amplitude is negative, expected 0 or more")
         return first * np.exp(1j * scale * second), unit
     if table.units["imag"] is not None and unit is not None:
         second = second * factor(table.units["imag"] or unit, unit, f"{table.name}: column imag")

@@ -85,6 +85,12 @@ def test_labels_directions_and_complex_values(tmp_path):
         ("x,y,z,value,value\n1,2,3,1,1\n", ["'value' is there twice"]),
         ("x [kg],y,z,value\n1,2,3,1\n", ["unit 'kg'", "'cm'"]),
         ("label,value\n,1\n", ["line 2", "label is empty"]),
+        ("label;value\na;0,305\n", ["line 2", "'0,305'", "a number with a decimal point"]),
+        ("label,value\na,0,305\n", ["line 2", "3 cells, expected 2", "decimal commas"]),
+        ("x (mm),y,z,value\n1,2,3,1\n", ["unknown column 'x (mm)'", "square brackets, as 'x [mm]'"]),
+        ('label,value\n"a,1\nb,2\n', ["quotation mark", "not closed"]),
+        ("label,amplitude,phase\na,1,90\nb,1,180\n", ["goes up to 180", "'phase [deg]'"]),
+        ("label,amplitude,phase\na,1,1\nb,-1,2\n", ["line 3", "amplitude is negative"]),
     ],
 )
 def test_what_is_wrong_with_a_csv(tmp_path, text, words):
@@ -93,6 +99,21 @@ def test_what_is_wrong_with_a_csv(tmp_path, text, words):
     for word in words:
         assert word in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_what_spreadsheets_add_is_left_out(tmp_path):
+    plain = read(tmp_path, "label;value [mm]\na;1.5\nb;2\n")
+    for text in (
+        "\ufeffsep=;\nlabel;value [mm]\na;1.5\nb;2\n",
+        "label;value [mm];\na;1.5;\nb;2;\n;;\n",
+        "label\tvalue [mm]\n\t\na\t1.5\nb\t2\n",
+    ):
+        data = read(tmp_path, text)
+        assert data.labels == plain.labels == ("a", "b")
+        assert np.array_equal(data.values, plain.values)
+        assert data.unit == "mm"
+    turn = read(tmp_path, "label,amplitude,phase\na,1,6.29\n", Asked(frequency=50.0))  # rounding of a whole turn
+    assert np.allclose(turn.values, np.exp(6.29j))
 
 
 def test_files_that_are_not_there_or_no_text(tmp_path):

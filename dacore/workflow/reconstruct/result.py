@@ -21,6 +21,8 @@ from dacore.workflow.tables import value_text
 LEVEL = 0.9
 # Less than this part of the residual that was expected says that the noise is overstated.
 _FAR_LESS = 0.3
+# Below this probability nobody should read that the data agree, though it is no alarm.
+_DOUBTFUL = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +171,12 @@ class Reconstruction(Displayed):
             return (
                 f"The data contradict the model, the training set or the noise that was stated: what is left of them "
                 f"is {ratio:.3g} times what was expected (probability {chance}). Do not trust the intervals."
+            )
+        if probability < _DOUBTFUL:
+            return (
+                f"The data fit worse than they should, though not so badly that chance is ruled out: what is left of "
+                f"them is {ratio:.3g} times what was expected (probability {probability:.1g}). Signs and components "
+                "that are wrong may look like this."
             )
         agree = (
             f"The data agree with the model, the training set and the noise that was stated: what is left of them is "
