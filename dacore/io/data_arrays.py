@@ -144,9 +144,14 @@ def _image(
             raise ShapeError(f"{name}: mask of shape {mask.shape}, expected {values.shape[:dim]} as the values")
         values = np.where(mask[..., None, None], values, np.nan)
     components = asked.components or tuple(int(c) for c in np.atleast_1d(arrays.get("components", [])))
+    count = values.shape[-1]
+    if not components and 1 < count < dim:
+        raise ShapeError(f"{name}: {count} components of {dim}; say which in an array 'components', as [0, 2]")
+    # Which component a single one is, the scene may leave no doubt about.
+    components = components or ((-1,) if count == 1 else tuple(range(count)))
     sigma = _number(arrays, "sigma", name)
     return ImageData(
-        name, values, affine, components=components or tuple(range(values.shape[-1])), sigma=sigma,
+        name, values, affine, components=components, sigma=sigma,
         field=asked.field or _text(arrays, "field", name), frame=asked.frame, mask=mask, source=source, **shared,
     )  # fmt: skip
 

@@ -107,6 +107,8 @@ def test_what_is_wrong_with_sensors(scene, truth, tmp_path):
     first = np.r_[0 : len(data) - 1, 0]
     assert "are the same measurement" in said(places=f.centres[first], directions=f.directions[first])
     assert "positions of 2 coordinates, expected 3" in said(places=f.centres[:, :2], directions=f.directions[:, :2])
+    assert "they fit if they are in ms: say so in the file ('time [ms]'" in said(times=1e3 * scene.model.times)
+    assert "give --times if they are counted otherwise" in said(times=1.0 + scene.model.times)
     names = tuple(f"S{k}" for k in range(len(data)))
     assert "the scene's labels are such as 'u_x @" in said(places=None, labels=names)
     assert "nobody says the unit" in said(unit=None)

@@ -11,7 +11,7 @@ from dacore.core.arrays import Array, BoolArray, IntArray
 from dacore.core.data import ImageData, Values
 from dacore.errors import ShapeError
 from dacore.io.units import factor
-from dacore.workflow.reconstruct.target import Fitted, Target
+from dacore.workflow.reconstruct.target import CONJUGATE, Fitted, Target
 
 # A centre this part of a voxel away is the same: headers hold single precision.
 _NEAR = 0.02
@@ -91,6 +91,9 @@ def fit_image(data: ImageData, target: Target) -> Fitted:
     others = [(name, partial(read, turned, numbers, weights)) for name, turned in _turned_arrays(data)]
     others += [(name, partial(read, data.values, numbers, other)) for name, other in _components(data, weights)]
     others += [(name, partial(read, data.values, moved, weights)) for name, moved in _shifted(data, numbers)]
+    others += [(name, partial(read, data.values, numbers, other)) for name, other in _frames(data, target, rows)]
+    if np.iscomplexobj(data.values):
+        others.append((CONJUGATE, partial(read, np.conj(data.values), numbers, weights)))
     given = int((~np.isnan(values)).sum())
     return Fitted(data.name, values, data.times, sigma, data.frequency, given, list(data.notes), warnings, others)
 
@@ -142,6 +145,15 @@ def _weights(data: ImageData, target: Target, rows: IntArray) -> Array:
     out = every[:, list(data.components)]
     out[(every[:, absent] != 0).any(axis=1)] = np.nan
     return np.asarray(out)
+
+
+def _frames(data: ImageData, target: Target, rows: IntArray) -> Iterator[tuple[str, Array]]:
+    """Weights of the image's components, with these along the other axes: those of the image, or of the world."""
+    if target.functionals.directions[rows].any() and not np.allclose(data.axes, np.eye(data.dim), atol=1e-6):
+        world = data.frame == "voxel"
+        other = replace(data, frame="world" if world else "voxel")
+        name = "the world's axes (no --frame voxel)" if world else "the image's own axes (--frame voxel)"
+        yield f"its components along {name}", _weights(other, target, rows)
 
 
 def _inside(numbers: IntArray, shape: tuple[int, ...]) -> BoolArray:

@@ -86,7 +86,7 @@ def reconstruct(
     for each in fitted:
         notes += each.notes
         warnings += each.warnings
-    parts = [(each.name, *on_steps(each, target, notes)) for each in fitted]
+    parts = [(each.name, *on_steps(each, target, notes, warnings)) for each in fitted]
     used = choose(*merge(parts, target), target, warnings)
     unit = given[0].unit if len({each.unit for each in given}) == 1 else None
     levels = list(session.scene.noise.levels)

@@ -7,7 +7,7 @@ from dacore.core.arrays import Array, IntArray
 from dacore.core.data import SensorData
 from dacore.errors import ShapeError
 from dacore.io.units import factor
-from dacore.workflow.reconstruct.target import Fitted, Target
+from dacore.workflow.reconstruct.target import CONJUGATE, Fitted, Target
 
 # Without a tolerance: this part of the least distance between two sites, or of the extent where there is one.
 _NEAR = 0.01
@@ -63,7 +63,8 @@ def fit_sensors(data: SensorData, target: Target, tolerance: float | None = None
         if gaps.any():
             raise ShapeError(f"{data.name}: {int(gaps.sum())} values have no sigma and others have; give all or none")
     given = int((~np.isnan(data.values)).sum())
-    return Fitted(data.name, values, data.times, sigma, data.frequency, given, list(data.notes), warnings)
+    others = [(CONJUGATE, np.conj(values).__getitem__)] if np.iscomplexobj(values) else []
+    return Fitted(data.name, values, data.times, sigma, data.frequency, given, list(data.notes), warnings, others)
 
 
 def _name(data: SensorData, k: int) -> str:

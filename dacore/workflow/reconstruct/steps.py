@@ -10,8 +10,11 @@ from dacore.errors import ShapeError
 from dacore.workflow.drawn import time_text
 from dacore.workflow.reconstruct.target import Fitted, Target
 
+# Deviations that are stated too small by less are not worth a warning.
+_REPEATED = 1.1
 # Times differ by rounding: this part of a step is none.
 _NEAR = 0.01
+_COUNTED = "give --times if they are counted otherwise"
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,15 +43,15 @@ class Used:
         return int(self.mask.sum()) * len(self.steps)
 
 
-def on_steps(data: Fitted, target: Target, notes: list[str]) -> tuple[Array, Array | None]:
+def on_steps(data: Fitted, target: Target, notes: list[str], warnings: list[str]) -> tuple[Array, Array | None]:
     """Values and deviations (m, t) at the steps that the scene measures; NaN where there is none.
 
     Parameters
     ----------
     data : Fitted
     target : Target
-    notes : list of str
-        Is added to.
+    notes, warnings : lists of str
+        Are added to.
 
     Raises
     ------
@@ -56,6 +59,8 @@ def on_steps(data: Fitted, target: Target, notes: list[str]) -> tuple[Array, Arr
         If no time is one of the scene's, or nobody says which are which.
     """
     values = timed(data, data.values, target, notes)
+    if np.iscomplexobj(data.values):
+        warnings += _repeated(data, target)
     if data.sigma is None:
         return values, None
     if np.iscomplexobj(data.values):
@@ -95,12 +100,30 @@ def _columns(data: Fitted, target: Target, notes: list[str]) -> list[int]:
         raise ShapeError(
             f"{data.name}: none of its times is one that the scene measures; the nearest is {data.times[k]:.6g} s "
             f"beside {times[j]:.6g} s. They run from {data.times.min():.6g} to {data.times.max():.6g} s, the scene's "
-            f"from {times[0]:.6g} to {times[-1]:.6g} s; give --times if they are counted otherwise"
+            f"from {times[0]:.6g} to {times[-1]:.6g} s; {_other_unit(data.times, times, step) or _COUNTED}"
         )
     lost = int((~near.any(axis=1)).sum())
     if lost:
-        notes.append(f"{data.name}: {lost} of {len(data.times)} times are none that the scene measures; left out")
+        hint = f" ({other})" if (other := _other_unit(data.times, times, step)) else ""
+        notes.append(f"{data.name}: {lost} of {len(data.times)} times are none that the scene measures; left out{hint}")
     return [int(np.argmax(near[:, j])) if near[:, j].any() else -1 for j in range(len(times))]
+
+
+def _other_unit(given: Array, times: Array, step: float) -> str:
+    """Say in which unit most times would be the scene's; nothing if as many are as they stand."""
+    own = _share(given, times, step)
+    for unit, scale in (("ms", 1e-3), ("us", 1e-6)):
+        if _share(scale * given, times, step) > max(0.5, own):
+            return (
+                f"they fit if they are in {unit}: say so in the file ('time [{unit}]' in a table, xyzt_units in NIfTI, "
+                "time_unit in arrays), or give --times"
+            )
+    return ""
+
+
+def _share(given: Array, times: Array, step: float) -> float:
+    """Share of some times that are the scene's."""
+    return float((np.abs(given[:, None] - times) <= _NEAR * step).any(axis=1).mean())
 
 
 def _harmonic(data: Fitted, values: Array, target: Target, notes: list[str]) -> Array:
@@ -108,9 +131,8 @@ def _harmonic(data: Fitted, values: Array, target: Target, notes: list[str]) -> 
     times = target.times[target.observed]
     if values.shape[1] != 1:
         raise ShapeError(f"{data.name}: complex values at {values.shape[1]} times; expected one phasor for each place")
-    frequency = data.frequency
-    if frequency is None and target.frequency is not None:
-        frequency = target.frequency
+    frequency = _frequency(data, target)
+    if data.frequency is None and frequency is not None:
         notes.append(f"{data.name}: nobody says the frequency; taken as the scene's, {frequency:.6g} Hz")
     if frequency is not None and target.frequency is not None and abs(frequency / target.frequency - 1.0) > _NEAR:
         raise ShapeError(
@@ -120,6 +142,29 @@ def _harmonic(data: Fitted, values: Array, target: Target, notes: list[str]) -> 
         raise ShapeError(f"{data.name}: complex values, and nobody says of which frequency; give --frequency in Hz")
     turns = np.exp(2j * np.pi * frequency * times)
     return np.asarray(np.real(values * turns[None, :]))
+
+
+def _frequency(data: Fitted, target: Target) -> float | None:
+    return target.frequency if data.frequency is None else data.frequency
+
+
+def _repeated(data: Fitted, target: Target) -> list[str]:
+    """Warning of steps whose noise is the same: those of a phasor are all made of its two numbers.
+
+    The steps count it as independent. Of all of them together, what they say of the phasor has then a variance that
+    is too small by at most the largest eigenvalue of D'D, D having the rows cos ωt, −sin ωt; it is 1 for two steps a
+    quarter of the period apart.
+    """
+    phase = 2 * np.pi * (_frequency(data, target) or 0.0) * target.times[target.observed]
+    rows = np.stack([np.cos(phase), -np.sin(phase)], axis=1)
+    much = float(np.linalg.norm(rows, 2))
+    if much < _REPEATED:
+        return []
+    return [
+        f"{data.name}: {len(phase)} steps are made of one phasor a place, so that their noise is not independent as is "
+        f"supposed: an estimator that sees all of them states deviations up to {much:.1f} times too small; observe two "
+        f"steps a quarter of the period apart (--set observed.steps=[...]), or state {much:.1f} times the noise"
+    ]
 
 
 def merge(parts: Sequence[tuple[str, Array, Array | None]], target: Target) -> tuple[Array, Array | None]:

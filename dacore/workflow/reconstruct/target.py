@@ -12,6 +12,9 @@ from dacore.dynamics.harmonic import HarmonicModel
 from dacore.errors import ShapeError
 from dacore.workflow.session import Session
 
+# Another reading of complex data: written for e^{−iωt}.
+CONJUGATE = "its phases of the other sign (complex conjugate)"
+
 
 @dataclass(frozen=True, eq=False)
 class Target:

@@ -224,7 +224,7 @@ def _arranged(name: str, values: Any, header: Any, notes: list[str]) -> tuple[An
         raise ShapeError(
             f"{name}: {values.ndim} dimensions, expected (x, y, z), (x, y, z, t) or (x, y, z, t, component)"
         )
-    if values.ndim == 4 and header.get_intent()[0] == "vector":
+    if values.ndim == 4 and header.get_intent()[0] in ("vector", "displacement vector"):
         notes.append(f"{name}: a vector image of four dimensions; the fourth is taken for the components")
         values = values[:, :, :, None]
     values = values.reshape(*values.shape, *[1] * (5 - values.ndim))
