@@ -87,6 +87,54 @@ class ParameterSpace(Displayed):
         facts = (("parameters", f"{count(len(self.parameters))}, {count(len(self.free))} of them free"),)
         return Card("ParameterSpace", facts, (Rows(("name", "unit", "low", "high", "law"), rows),))
 
+    @classmethod
+    def of(
+        cls,
+        every: Mapping[str, tuple[str, tuple[float, float]]],
+        ranges: Mapping[str, tuple[float, float]],
+        log_uniform: Sequence[str] = (),
+        admissible: Callable[[str], Callable[[float], object] | None] = lambda name: None,
+        what: str = "parameters",
+    ) -> "ParameterSpace":
+        """Return the space of a physics whose scene may give ranges of its own.
+
+        Parameters
+        ----------
+        every : mapping of str to (unit, (low, high))
+            All parameters with their default ranges.
+        ranges : mapping of str to (low, high)
+            In place of the defaults.
+        log_uniform : sequence of str
+            Parameters that are uniform in their logarithm.
+        admissible : callable
+            Name -> `Parameter.admissible`, or None.
+        what : str
+            What to call them in messages.
+
+        Returns
+        -------
+        ParameterSpace
+
+        Raises
+        ------
+        ShapeError
+            If a name is unknown, or a parameter cannot have its range.
+        """
+        if unknown := [name for name in (*ranges, *log_uniform) if name not in every]:
+            raise ShapeError(f"{what}: got {', '.join(unknown)}, expected any of {', '.join(every)}")
+        return cls(
+            tuple(
+                Parameter(
+                    name,
+                    unit,
+                    *ranges.get(name, bounds),
+                    "log_uniform" if name in log_uniform else "uniform",
+                    admissible(name),
+                )
+                for name, (unit, bounds) in every.items()
+            )
+        )
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names in order."""

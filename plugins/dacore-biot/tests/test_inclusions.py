@@ -12,11 +12,12 @@ from dacore.domains.box import Box
 from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.profiles import Constant
 from dacore.errors import SceneError, ShapeError
+from dacore.geometry.balls import cell_factors
 from dacore.plugins.settings import build
 from dacore.testing import model_suite
 from dacore_biot import material
 from dacore_biot.conditions import Conditions, fixed_parameters, normal_force, poroelastic
-from dacore_biot.inclusions import Inclusion, stiffness_factors
+from dacore_biot.inclusions import Inclusion
 from dacore_biot.model import Biot
 from dacore_biot.operators import biot_fields
 from dacore_skfem.backend import SkfemBackend
@@ -83,12 +84,12 @@ def test_a_column_of_two_layers_is_compressed_as_springs_in_series(dim, order):
 def test_a_ball_holds_the_cells_whose_centroids_it_holds_and_the_last_one_counts(head):
     mesh = head()
     first, second = BALL, Inclusion((2.0, 2.5, 2.5), 1.0, 0.5)
-    factors = stiffness_factors(mesh, (first, second))
+    factors = cell_factors(mesh, (first, second), "stiffness")
     centroids = mesh.points[mesh.cells].mean(axis=1)
     in_first, in_second = (np.linalg.norm(centroids - b.centre, axis=1) <= b.radius for b in (first, second))
     assert (in_first & in_second).any()
     np.testing.assert_array_equal(factors, np.where(in_second, 0.5, np.where(in_first, 4.0, 1.0)))
-    assert stiffness_factors(mesh, ()) is None
+    assert cell_factors(mesh, (), "stiffness") is None
 
 
 def test_a_stiff_ball_gives_way_less_and_a_soft_one_more(head, on):

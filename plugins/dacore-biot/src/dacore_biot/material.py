@@ -4,6 +4,9 @@ All functions are of the module, so that models can be pickled. Parameters: E [d
 alpha (Biot–Willis), skempton, density [g/cm³], viscosity [P], kappa [cm²], loss.
 """
 
+from collections.abc import Callable
+from functools import partial
+
 from dacore.core.parameters import Parameters
 from dacore.errors import ShapeError
 
@@ -33,6 +36,11 @@ def check(name: str, value: float) -> float:
 def bounded() -> tuple[str, ...]:
     """Names of the parameters that physics bounds."""
     return tuple(_BOUNDS)
+
+
+def admissible(name: str) -> Callable[[float], float] | None:
+    """Return what `Parameter.admissible` asks of a parameter; nothing for those that physics does not bound."""
+    return partial(check, name) if name in _BOUNDS else None
 
 
 def density(parameters: Parameters) -> float:

@@ -3,7 +3,6 @@
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -13,11 +12,12 @@ from dacore.core.discretization import Discretization
 from dacore.core.fespace import FiniteElementSpace
 from dacore.core.mesh import Mesh
 from dacore.core.model import AffineModel, Caution, Discretize, Load, Physics
-from dacore.core.parameters import Parameter, ParameterSpace
+from dacore.core.parameters import ParameterSpace
 from dacore.errors import MeshError, ShapeError
+from dacore.geometry.balls import cell_factors
 from dacore_biot import material
 from dacore_biot.cautions import Oscillation, cell_sizes, locking
-from dacore_biot.inclusions import Inclusion, stiffness_factors
+from dacore_biot.inclusions import Inclusion
 from dacore_biot.operators import DISPLACEMENT, PRESSURE, Stabilization, biot_fields, biot_terms
 
 NeckPressure = Literal["none", "csf"]
@@ -123,15 +123,7 @@ class Tissue(Physics):
         every |= {name: (unit, (getattr(self, name),) * 2) for name, unit in self._fixed.items()}
         if not self.ventricles:
             every = {name: given for name, given in every.items() if name not in OF_VENTRICLES}
-        unknown = [name for name in (*self.ranges, *self.log_uniform) if name not in every]
-        if unknown:
-            raise ShapeError(f"Biot parameters: got {', '.join(unknown)}, expected any of {', '.join(every)}")
-        out = []
-        for name, (unit, bounds) in every.items():
-            kind: Literal["uniform", "log_uniform"] = "log_uniform" if name in self.log_uniform else "uniform"
-            admissible = partial(material.check, name) if name in material.bounded() else None
-            out.append(Parameter(name, unit, *self.ranges.get(name, bounds), kind, admissible))
-        return ParameterSpace(tuple(out))
+        return ParameterSpace.of(every, self.ranges, self.log_uniform, material.admissible, "Biot parameters")
 
     def assemble(self, discretize: Discretize) -> AffineModel:
         """Assemble the matrices and the loads on a mesh.
@@ -148,7 +140,7 @@ class Tissue(Physics):
         if self.neck_direction and len(self.neck_direction) != mesh.dim:
             raise ShapeError(f"neck_direction: got {len(self.neck_direction)} numbers, expected {mesh.dim}")
         discretization = discretize(biot_fields(mesh.dim, self.displacement_order))
-        stiffness = stiffness_factors(mesh, self.inclusions)
+        stiffness = cell_factors(mesh, self.inclusions, "stiffness")
         terms = biot_terms(discretization, self.stabilization, stiffness)
         held = self._held(discretization)
         constrained = np.logical_or.reduce([*held.values(), self._on_rollers(discretization)])

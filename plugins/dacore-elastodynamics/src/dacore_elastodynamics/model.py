@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from operator import itemgetter
-from typing import Literal
 
 import numpy as np
 from scipy.sparse import block_diag, csr_array
@@ -14,12 +13,13 @@ from dacore.core.fespace import FiniteElementSpace
 from dacore.core.fields import Field
 from dacore.core.mesh import Mesh
 from dacore.core.model import AffineModel, AffineTerm, Caution, Discretize, Load, Physics, Profile
-from dacore.core.parameters import Parameter, ParameterSpace
+from dacore.core.parameters import ParameterSpace
 from dacore.dynamics.profiles import Constant, Course
 from dacore.errors import MeshError, ShapeError
+from dacore.geometry.balls import cell_factors
 from dacore_elastodynamics import material
 from dacore_elastodynamics.cautions import Waves, locking, spacing
-from dacore_elastodynamics.parts import BodyForce, Inclusion, Motion, Traction, factors, unit
+from dacore_elastodynamics.parts import BodyForce, Inclusion, Motion, Traction, unit
 
 DISPLACEMENT = "u"
 
@@ -105,13 +105,7 @@ class Elastodynamics(Physics):
     def parameters(self) -> ParameterSpace:
         """Names, units and ranges of the parameters."""
         every = _SOLID | {name: (of, (size, size)) for name, (of, size) in self._sizes().items()}
-        if unknown := [name for name in (*self.ranges, *self.log_uniform) if name not in every]:
-            raise ShapeError(f"elastic parameters: got {', '.join(unknown)}, expected any of {', '.join(every)}")
-        out = []
-        for name, (of, bounds) in every.items():
-            kind: Literal["uniform", "log_uniform"] = "log_uniform" if name in self.log_uniform else "uniform"
-            out.append(Parameter(name, of, *self.ranges.get(name, bounds), kind, material.bound(name)))
-        return ParameterSpace(tuple(out))
+        return ParameterSpace.of(every, self.ranges, self.log_uniform, material.bound, "elastic parameters")
 
     def build(self, discretize: Discretize) -> AffineModel:
         """Assemble the matrices and the loads on a mesh.
@@ -129,7 +123,7 @@ class Elastodynamics(Physics):
         mesh = disc.mesh
         if lost := sorted({*self.held, *self.moved, *self.tractions} - set(mesh.roles)):
             raise MeshError(f"elastodynamics: the mesh has no role {', '.join(lost)}; it has {', '.join(mesh.roles)}")
-        stiffness, density = (factors(mesh, self.inclusions, what) for what in ("stiffness", "density"))
+        stiffness, density = (cell_factors(mesh, self.inclusions, what) for what in ("stiffness", "density"))
         shear, dilation = disc.strain(DISPLACEMENT, stiffness), disc.divergence(DISPLACEMENT, stiffness)
         mass = _each_component(disc.scalar_mass(DISPLACEMENT, density), dim)
         zero = self._zero(disc)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dacore.core.arrays import Array
-from dacore.core.mesh import Mesh
 from dacore.errors import ShapeError
+from dacore.geometry.balls import Ball
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Motion:
 
 
 @dataclass(frozen=True)
-class Inclusion:
+class Inclusion(Ball):
     """A ball of another material: the cells whose centroids lie in it.
 
     Parameters
@@ -83,47 +83,12 @@ class Inclusion:
         Relative to the rest: 2 is twice as much.
     """
 
-    centre: tuple[float, ...]
-    radius: float
     stiffness: float = 1.0
     density: float = 1.0
 
     def __post_init__(self) -> None:
-        if not np.isfinite(self.centre).all():
-            raise ShapeError(f"inclusion: got the centre {list(self.centre)}, expected finite coordinates")
-        for name in ("radius", "stiffness", "density"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise ShapeError(f"inclusion: got {name} {getattr(self, name)}, expected a positive number")
-
-
-def factors(mesh: Mesh, inclusions: Sequence[Inclusion], what: str) -> Array | None:
-    """Factor (c,) of a property on each cell, or None where it is one everywhere; the last of overlapping balls counts.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    inclusions : sequence of Inclusion
-    what : {"stiffness", "density"}
-
-    Raises
-    ------
-    ShapeError
-        If a centre has another dimension than the mesh, or no cell's centroid lies in a ball.
-    """
-    centroids = mesh.points[mesh.cells].mean(axis=1)
-    out = np.ones(len(centroids))
-    for number, ball in enumerate(inclusions):
-        if len(ball.centre) != mesh.dim:
-            raise ShapeError(f"inclusion {number}: got a centre of {len(ball.centre)} coordinates, expected {mesh.dim}")
-        away = np.linalg.norm(centroids - np.array(ball.centre), axis=1)
-        inside = away <= ball.radius
-        if not inside.any():
-            raise ShapeError(
-                f"inclusion {number}: no cell's centroid lies within {ball.radius:g} cm of {list(ball.centre)}, the "
-                f"nearest is {away.min():.3g} cm away; move it or make it larger"
-            )
-        out[inside] = getattr(ball, what)
-    return None if (out == 1).all() else out
+        super().__post_init__()
+        self.check_positive("stiffness", "density")
 
 
 def unit(direction: Sequence[float], dim: int, what: str) -> Array:

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from operator import itemgetter
-from typing import Literal
 
 import numpy as np
 
@@ -13,12 +12,13 @@ from dacore.core.fespace import FiniteElementSpace
 from dacore.core.fields import Field
 from dacore.core.mesh import Mesh
 from dacore.core.model import AffineModel, AffineTerm, Coefficient, Discretize, Load, Physics, Profile
-from dacore.core.parameters import Parameter, ParameterSpace
+from dacore.core.parameters import ParameterSpace
 from dacore.dynamics.profiles import Constant, Course
 from dacore.errors import MeshError, ShapeError
+from dacore.geometry.balls import cell_factors
 from dacore_heat.cautions import Undershoot
 from dacore_heat.material import Product, bound
-from dacore_heat.parts import Exchange, Inclusion, Source, factors
+from dacore_heat.parts import Exchange, Inclusion, Source
 
 TEMPERATURE = "T"
 
@@ -118,13 +118,7 @@ class Heat(Physics):
         every |= {f"P_{name}": (_POWER, (source.power,) * 2) for name, source in self.sources.items()}
         if self.initial is not None:
             every["initial"] = ("K", (self.initial,) * 2)
-        if unknown := [name for name in (*self.ranges, *self.log_uniform) if name not in every]:
-            raise ShapeError(f"heat parameters: got {', '.join(unknown)}, expected any of {', '.join(every)}")
-        out = []
-        for name, (unit, bounds) in every.items():
-            kind: Literal["uniform", "log_uniform"] = "log_uniform" if name in self.log_uniform else "uniform"
-            out.append(Parameter(name, unit, *self.ranges.get(name, bounds), kind, bound(name)))
-        return ParameterSpace(tuple(out))
+        return ParameterSpace.of(every, self.ranges, self.log_uniform, bound, "heat parameters")
 
     def build(self, discretize: Discretize) -> AffineModel:
         """Assemble the matrices and the loads on a mesh.
@@ -141,7 +135,7 @@ class Heat(Physics):
         if lost := sorted({*self.held, *self.fluxes, *self.convection} - set(mesh.roles)):
             raise MeshError(f"heat: the mesh has no role {', '.join(lost)}; it has {', '.join(mesh.roles)}")
         conducting, storing, perfused = (
-            factors(mesh, self.inclusions, what) for what in ("conductivity", "capacity", "perfusion")
+            cell_factors(mesh, self.inclusions, what) for what in ("conductivity", "capacity", "perfusion")
         )
         blood = disc.scalar_mass(TEMPERATURE, perfused)
         zeroth = [

@@ -1,13 +1,12 @@
 """Parts of a heated body, as tables of a scene give them: sources, walls that exchange heat, balls of another kind."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from dacore.core.arrays import Array
-from dacore.core.mesh import Mesh
 from dacore.errors import ShapeError
+from dacore.geometry.balls import Ball
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ class Exchange:
 
 
 @dataclass(frozen=True)
-class Inclusion:
+class Inclusion(Ball):
     """A ball of another material: the cells whose centroids lie in it.
 
     Parameters
@@ -78,47 +77,12 @@ class Inclusion:
         Relative to the rest: 2 is twice as much.
     """
 
-    centre: tuple[float, ...]
-    radius: float
     conductivity: float = 1.0
     capacity: float = 1.0
     perfusion: float = 1.0
 
     def __post_init__(self) -> None:
-        if not np.isfinite(self.centre).all():
-            raise ShapeError(f"inclusion: got the centre {list(self.centre)}, expected finite coordinates")
-        for name in ("radius", "conductivity", "capacity"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise ShapeError(f"inclusion: got {name} {getattr(self, name)}, expected a positive number")
+        super().__post_init__()
+        self.check_positive("conductivity", "capacity")
         if not 0 <= self.perfusion < np.inf:
             raise ShapeError(f"inclusion: got perfusion {self.perfusion}, expected a number of at least 0")
-
-
-def factors(mesh: Mesh, inclusions: Sequence[Inclusion], what: str) -> Array | None:
-    """Factor (c,) of a property on each cell, or None where it is one everywhere; the last of overlapping balls counts.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    inclusions : sequence of Inclusion
-    what : {"conductivity", "capacity", "perfusion"}
-
-    Raises
-    ------
-    ShapeError
-        If a centre has another dimension than the mesh, or no cell's centroid lies in a ball.
-    """
-    centroids = mesh.points[mesh.cells].mean(axis=1)
-    out = np.ones(len(centroids))
-    for number, ball in enumerate(inclusions):
-        if len(ball.centre) != mesh.dim:
-            raise ShapeError(f"inclusion {number}: got a centre of {len(ball.centre)} coordinates, expected {mesh.dim}")
-        away = np.linalg.norm(centroids - np.array(ball.centre), axis=1)
-        inside = away <= ball.radius
-        if not inside.any():
-            raise ShapeError(
-                f"inclusion {number}: no cell's centroid lies within {ball.radius:g} cm of {list(ball.centre)}, the "
-                f"nearest is {away.min():.3g} cm away; move it or make it larger"
-            )
-        out[inside] = getattr(ball, what)
-    return None if (out == 1).all() else out
