@@ -34,7 +34,7 @@ from dacore.estimators.plausible import Plausibility
 from dacore.estimators.posterior_data import Compressed, Observed
 from dacore.estimators.posterior_emulator import Emulator, emulate, forward_of, packed, unpacked
 from dacore.estimators.posterior_errors import model_errors
-from dacore.estimators.posterior_modes import Gaussian, search, starts
+from dacore.estimators.posterior_modes import Gaussian, ended, search, starts
 from dacore.estimators.posterior_moments import moments
 from dacore.estimators.posterior_sampling import Cloud, sample, uniform_points
 from dacore.estimators.posterior_uncertainty import ForwardErrors, LaplaceUncertainty, SampledUncertainty
@@ -45,8 +45,6 @@ logger = logging.getLogger(__name__)
 _CHUNK = 256
 # What directions of the data left out may hold of the training set's squared distances, in units of noise.
 _UNSEEN = 1e-3
-# A mode counts beside the best where its density is not below exp(−8) of it, so many deviations away.
-_COMPETES, _DISTINCT = 8.0, 4.0
 # Fewer effective points are worth a warning.
 _FEW = 50
 # Places in the box that may be starts, and how many times as many starts a series gets that nothing fits.
@@ -306,7 +304,7 @@ class PreparedPosterior(PreparedEstimator):
     def _modes(self, values: Array, variance: Array, blocks: Array) -> _Modes:
         k, p, count = len(values), len(self.coordinates.free), self.settings.starts
         expected = self.emulator.values(self.places, blocks)
-        ends = [_ended(*each) for each in zip(*self._search(values, variance, blocks, expected, count), strict=True)]
+        ends = [ended(*each) for each in zip(*self._search(values, variance, blocks, expected, count), strict=True)]
         # Twice the best cost is a sum of squares; what nothing fits may have a better mode elsewhere, and where two
         # modes fit there may be more than so few starts can find.
         used = np.isfinite(variance).sum(axis=1)
@@ -315,7 +313,7 @@ class PreparedPosterior(PreparedEstimator):
         if doubtful:
             more = self._search(values[doubtful], variance[doubtful], blocks, expected, _AGAIN * count)
             for j, again in zip(doubtful, zip(*more, strict=True), strict=True):
-                ends[j] = _ended(*again)
+                ends[j] = ended(*again)
         x, covariance = np.empty((k, p)), np.empty((k, p, p))
         for j, end in enumerate(ends):
             x[j], covariance[j] = end.x, end.covariance
@@ -373,35 +371,3 @@ class _Found:
     statistic: Array
     anomalies: list[Array]
     clouds: list[Cloud]
-
-
-@dataclass(frozen=True, eq=False)
-class _End:
-    """Where several searches of one series ended: the best, and the distinct modes that compete with it."""
-
-    x: Array
-    covariance: Array
-    cost: float
-    parts: list[tuple[Array, Array, float]]
-
-
-def _ended(x: Array, cost: Array, precision: Array) -> _End:
-    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
-    winner = cost.argmin()
-    parts = _competing(x, cost, precision, covariance)
-    return _End(x[winner], covariance[winner], float(cost[winner]), parts)
-
-
-def _competing(x: Array, cost: Array, precision: Array, covariance: Array) -> list[tuple[Array, Array, float]]:
-    """Distinct modes (mean, covariance, share) among the ends of several searches."""
-    chosen: list[int] = []
-    for j in cost.argsort():
-        if cost[j] > cost.min() + _COMPETES:
-            break
-        away = [x[j] - x[other] for other in chosen]
-        if all(step @ precision[j] @ step > _DISTINCT**2 for step in away):
-            chosen.append(int(j))
-    mass = np.array([np.sqrt(np.linalg.det(covariance[j])) * np.exp(cost.min() - cost[j]) for j in chosen])
-    # None is left without points, however little it is believed.
-    share = 0.9 * mass / mass.sum() + 0.1 / len(chosen)
-    return [(x[j], covariance[j], float(portion)) for j, portion in zip(chosen, share, strict=True)]

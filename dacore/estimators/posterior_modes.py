@@ -16,6 +16,8 @@ _SHORT = 1e-11
 _MOST_STEPS = 60
 # Starts of one series lie at least so far apart, so that distinct basins are tried.
 _APART = 0.35
+# A mode counts beside the best where its density is not below exp(−8) of it, so many deviations away.
+_COMPETES, _DISTINCT = 8.0, 4.0
 
 Residuals = Callable[[Array, IntArray], tuple[Array, Array]]
 
@@ -116,3 +118,46 @@ def search(residuals: Residuals, prior: Gaussian, x: Array) -> tuple[Array, Arra
         damping[moving] = np.where(better, damping[moving] * 0.2, damping[moving] * 8.0)
         moving = moving[~(done | (damping[moving] > 1e12))]
     return x, cost, hessian + own
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """Where several searches of one series ended: the best, and the distinct modes that compete with it.
+
+    Parameters
+    ----------
+    x : (p,) array
+    covariance : (p, p) array
+        Inverse of the precision there.
+    cost : float
+        Minus the logarithm of the density, up to a constant.
+    parts : list of (mean, covariance, share)
+    """
+
+    x: Array
+    covariance: Array
+    cost: float
+    parts: list[tuple[Array, Array, float]]
+
+
+def ended(x: Array, cost: Array, precision: Array) -> End:
+    """Judge the ends (j, p) of searches of one series by their costs (j,) and precisions (j, p, p)."""
+    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+    winner = cost.argmin()
+    parts = _competing(x, cost, precision, covariance)
+    return End(x[winner], covariance[winner], float(cost[winner]), parts)
+
+
+def _competing(x: Array, cost: Array, precision: Array, covariance: Array) -> list[tuple[Array, Array, float]]:
+    """Distinct modes (mean, covariance, share) among the ends of several searches."""
+    chosen: list[int] = []
+    for j in cost.argsort():
+        if cost[j] > cost.min() + _COMPETES:
+            break
+        away = [x[j] - x[other] for other in chosen]
+        if all(step @ precision[j] @ step > _DISTINCT**2 for step in away):
+            chosen.append(int(j))
+    mass = np.array([np.sqrt(np.linalg.det(covariance[j])) * np.exp(cost.min() - cost[j]) for j in chosen])
+    # None is left without points, however little it is believed.
+    share = 0.9 * mass / mass.sum() + 0.1 / len(chosen)
+    return [(x[j], covariance[j], float(portion)) for j, portion in zip(chosen, share, strict=True)]
