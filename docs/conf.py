@@ -83,6 +83,7 @@ sphinx_gallery_conf = {
     "examples_dirs": [str(ROOT / "examples/gallery")],
     "gallery_dirs": ["gallery"],
     "filename_pattern": r"/plot_",
+    "within_subsection_order": "order.Order",
     "abort_on_example_error": True,
     "download_all_examples": False,
     "show_memory": False,
