@@ -147,3 +147,21 @@ def test_a_displacement_image_of_four_dimensions(tmp_path):
     data = Nifti().read([tmp_path / "u.nii"], Asked(unit="mm"))
     assert data.values.shape == (2, 2, 2, 1, 3)
     assert data.components == (0, 1, 2)
+
+
+def test_data_with_a_mean_where_the_scene_takes_it_away(cache):
+    """Half a static displacement passes every other check where the training set's motion is as large."""
+    scene = dacore.open_scene(TOY, [*SMALL, "observed.less_mean=['u']"], cache=cache)
+    f, rng = scene.functionals, np.random.default_rng(0)
+    data = f(scene.truth[0].states)
+    assert np.abs(data.mean(axis=1)).max() < 1e-9 * np.abs(data).max()
+    sigma = 0.1 * np.abs(data).max()
+    noisy = data + sigma * rng.standard_normal(data.shape)
+
+    def said(values):
+        given = SensorData("mine", values, "cm", labels=f.labels, times=scene.model.times)
+        return [line for line in scene.reconstruct(given, noise=f"{sigma} cm").warnings if "less_mean" in line]
+
+    assert not said(noisy)
+    (line,) = said(noisy + 0.5 * noisy.std(axis=1)[:, None])
+    assert "u has a mean over the steps, 0.49 times as large" in line  # the noise has a mean, too

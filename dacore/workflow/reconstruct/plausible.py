@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from dacore.core.arrays import Array, IntArray
+from dacore.core.arrays import Array, BoolArray, IntArray
 from dacore.core.background import Background
 from dacore.core.observation import Functionals
 from dacore.errors import DacoreError, ShapeError
@@ -20,6 +20,8 @@ _COMMON, _EXACT = 0.7, 1e-3
 # Of readings that fit about alike the first is named: one of the array before one of its components.
 _CLEARLY, _AGAINST = 0.9, 1.2
 _ENOUGH = 20_000
+# A mean over the steps that is this part of the motion is none that was left by subtracting it.
+_CONSTANT = 0.1
 _UNITS = ("m", "cm", "mm", "um", "nm")
 
 
@@ -140,6 +142,40 @@ def better_reading(
     return (
         f"the data look like the training set with {name}: {np.sqrt(best):.0%} of them are left over instead of "
         f"{np.sqrt(ratio):.0%}; is this how they were written? They are taken as they are"
+    )
+
+
+def check_mean(used: Used, rows: BoolArray, sigma: Array, name: str) -> str | None:
+    """Compare the mean over the steps with the motion, for a field that the scene takes less its mean.
+
+    Parameters
+    ----------
+    used : Used
+        Of all recorded steps.
+    rows : (m,) bool array
+        Functionals of the field.
+    sigma : (m,) array
+        Standard deviation of the noise that is supposed.
+    name : str
+        Of the field.
+
+    Returns
+    -------
+    A warning, or None.
+    """
+    rows = rows & used.mask
+    if not rows.any():
+        return None
+    values, steps = used.values[rows], used.values.shape[1]
+    mean = values.mean(axis=1)
+    motion, noise = float(((values - mean[:, None]) ** 2).mean()), float((sigma[rows] ** 2).mean()) / steps
+    left = float((mean**2).mean()) - noise
+    # Noise has a mean, too, and its square scatters.
+    if left <= _CONSTANT**2 * motion + 5.0 * noise * float(np.sqrt(2.0 / rows.sum())):
+        return None
+    return (
+        f"{name} has a mean over the steps, {np.sqrt(left / motion) if motion > 0 else np.inf:.2g} times as large as "
+        f"its motion about it, and the scene takes {name} less its mean (observed.less_mean): subtract it from the data"
     )
 
 

@@ -17,7 +17,7 @@ from dacore.errors import SceneError
 from dacore.workflow.groundwork import GROUNDWORK
 from dacore.workflow.reconstruct.images import fit_image
 from dacore.workflow.reconstruct.noise import deviations
-from dacore.workflow.reconstruct.plausible import better_reading, check_size, level, seen_in_training
+from dacore.workflow.reconstruct.plausible import better_reading, check_mean, check_size, level, seen_in_training
 from dacore.workflow.reconstruct.read import Source, read_data
 from dacore.workflow.reconstruct.result import Reconstruction
 from dacore.workflow.reconstruct.sensors import fit_sensors
@@ -123,6 +123,11 @@ def _checks(
     """What is doubtful about the data; ShapeError if it is hopeless."""
     training = seen_in_training(session.background, target.functionals, used)
     units = [target.units[row] for row in np.flatnonzero(used.mask)]
+    if len(used.steps) == len(target.times):
+        fields = np.array(target.fields)
+        means = [check_mean(used, fields == name, sigma, name) for name in session.scene.observed.less_mean]
+        if any(means):
+            return [line for line in means if line]
     found = [check_size(used, training, units, unit, level(sigma, used))] if len(set(units)) == 1 else []
     if found and found[0] is None and len(fitted) == 1:
         (one,) = fitted
