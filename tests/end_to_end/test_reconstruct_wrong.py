@@ -89,6 +89,58 @@ def test_an_image_that_fits_the_grid_and_is_read_wrongly(scene, truth, tmp_path,
     assert "contradict" in wrong.verdict
 
 
+def test_zeros_for_gaps_and_an_affine_in_another_unit(scene, truth, tmp_path):
+    """An image that the scene observes itself: nothing but the data and its place tells that something is wrong."""
+    values, affine = volume(scene, truth[1])
+    right = values.astype(np.float32)
+    save(tmp_path / "u.nii.gz", right, affine)
+    text = TOY.read_text(encoding="utf-8")
+    begin, end = text.index("[observation."), text.index("[quantity.")
+    own = text[:begin] + '[observation.scan]\nkind = "image"\nfile = "u.nii.gz"\n\n' + text[end:]
+    (tmp_path / "scene.toml").write_text(own, encoding="utf-8")
+    image = dacore.open_scene(tmp_path / "scene.toml", SMALL, cache=tmp_path / "cache")
+    inside = image.functionals.count // 3
+    assert image.reconstruct(tmp_path / "u.nii.gz", noise="1%").warnings == ()
+    gaps = right.copy()
+    gaps[: right.shape[0] // 2] = 0.0
+    zeroed = image.reconstruct(save(tmp_path / "gaps.nii.gz", gaps, affine), noise="1%")
+    found = next(each for each in zeroed.warnings if "exactly zero in every volume" in each)
+    voxels = np.round(image.functionals.centres - image.functionals.centres.min(axis=0)).astype(int)[:inside]
+    assert f": {(voxels[:, 0] + 1 < right.shape[0] // 2).sum()} of {inside} voxels" in found
+    # An oblique grid has no spacing along the scene's axes that could be compared.
+    save(tmp_path / "u.nii.gz", right, turned_by(0.1) @ affine)
+    oblique = dacore.open_scene(tmp_path / "scene.toml", SMALL, cache=tmp_path / "cache")
+    for scale, times in ((1e-3, "1000"), (1e3, "0.001")):
+        scaled = np.diag([scale, scale, scale, 1.0]) @ turned_by(0.1) @ affine
+        with pytest.raises(DacoreError, match=f"all lengths of its affine times {times}:"):
+            oblique.reconstruct(save(tmp_path / "far.nii.gz", right, scaled), noise="1%")
+
+
+def test_a_fit_that_chance_hardly_gives_is_not_called_agreement(scene, truth):
+    """Between agreement and alarm: the verdict, the report's card and the interval's digits."""
+    _, data = truth
+    f, draw = scene.functionals, np.random.default_rng(5).standard_normal(data.shape)
+    sigma = 0.05 * np.abs(data).max()
+    said = {}
+    for factor in (1.0, 1.085, 2.0):
+        sensors = SensorData(
+            "mine",
+            data + factor * sigma * draw,
+            "cm",
+            places=f.centres,
+            directions=f.directions,
+            times=scene.model.times,
+        )
+        result = scene.reconstruct(sensors, noise=f"{sigma} cm")
+        said[factor] = (float(result.estimate.misfit.probability[0]), result.verdict)
+    assert said[1.0][0] > 0.01
+    assert said[1.0][1].startswith("The data agree")
+    assert 1e-4 < said[1.085][0] < 0.01
+    assert said[1.085][1].startswith("The data fit worse than they should")
+    assert said[2.0][0] < 1e-4
+    assert said[2.0][1].startswith("The data contradict")
+
+
 def test_what_is_wrong_with_sensors(scene, truth, tmp_path):
     _, data = truth
     f = scene.functionals

@@ -18,6 +18,8 @@ _NEAR = 0.02
 _EDGES = 2e-3
 _NONE = 1e-9
 _LETTERS = "ijk"
+# Between any two of m, cm, mm and um.
+_SCALES = (10.0, 0.1, 100.0, 0.01, 1e3, 1e-3, 1e4, 1e-4, 1e6, 1e-6)
 
 
 def fit_image(data: ImageData, target: Target) -> Fitted:
@@ -56,6 +58,7 @@ def fit_image(data: ImageData, target: Target) -> Fitted:
     _same_edges(data, target, numbers)
     inside = _inside(numbers, data.shape)
     warnings = [] if inside.all() else [_outside(data, numbers, inside)]
+    warnings += _empty(data, numbers[inside])
     weights = _weights(data, target, rows)
     units = {target.units[row] for row in rows}
     if data.unit is None:
@@ -197,6 +200,18 @@ def _outside(data: ImageData, numbers: IntArray, inside: BoolArray) -> str:
     )
 
 
+def _empty(data: ImageData, numbers: IntArray) -> list[str]:
+    """Warning of voxels that the scene measures and that hold nothing but zeros, as many programs fill gaps."""
+    voxels = np.unique(numbers, axis=0)
+    zero = int((data.values[tuple(voxels.T)] == 0).all(axis=(1, 2)).sum())
+    if zero in (0, len(voxels)):
+        return []
+    return [
+        f"{data.name}: {zero} of {len(voxels)} voxels that the scene measures are exactly zero in every volume, and "
+        "taken as measured: if nothing was measured there, say so with --mask, or with NaN"
+    ]
+
+
 def _mismatch(data: ImageData, affine: Array, where: Array, away: Array, target: Target) -> str:
     """Say how the image's grid differs from the scene's."""
     dim = data.dim
@@ -211,6 +226,11 @@ def _mismatch(data: ImageData, affine: Array, where: Array, away: Array, target:
              if abs(ratio / f - 1.0) < 0.01), "",
         )  # fmt: skip
         return f"{_edges(data.size)}, the scene's have {_lengths(spacing)}; resample it or change the scene{guess}"
+    if scale := _scaled(data, where, target):
+        return (
+            f"{_edges(data.size)}; its voxels would be the scene's with all lengths of its affine times {scale:g}: "
+            "correct the affine or its unit"
+        )
     # A shift shows as one fraction for all centres.
     phase = np.exp(2j * np.pi * away)
     shift = np.angle(phase.mean(axis=0)) / (2 * np.pi)
@@ -254,6 +274,18 @@ def _turned(data: ImageData, where: Array, target: Target) -> str:
         f"its voxels are not the scene's, but would be with the world's axes read as ({found}): {best:.0%} of what is "
         "measured then lies inside; correct its affine"
     )
+
+
+def _scaled(data: ImageData, where: Array, target: Target) -> float | None:
+    """What the affine's lengths are multiplied with so that the image fits, where its unit is another; or None."""
+    for scale in _SCALES:
+        affine = data.affine.copy()
+        affine[: data.dim] *= scale
+        index = to_index(affine if target.to_scene is None else target.to_scene @ affine, where)
+        numbers = np.round(index).astype(np.int64)
+        if np.abs(index - numbers).max() <= _NEAR and _inside(numbers, data.shape).mean() > 0.5:
+            return scale
+    return None
 
 
 def _turned_arrays(data: ImageData) -> Iterator[tuple[str, Values]]:

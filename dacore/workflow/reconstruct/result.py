@@ -10,7 +10,7 @@ import numpy as np
 
 from dacore.core.arrays import Array
 from dacore.core.data import Data, ImageData
-from dacore.core.display import Card, Displayed, Rows
+from dacore.core.display import Card, Displayed, Rows, unit_text
 from dacore.core.estimator import Estimate
 from dacore.workflow.reconstruct.read import Source
 from dacore.workflow.reconstruct.steps import Used
@@ -22,7 +22,7 @@ LEVEL = 0.9
 # Less than this part of the residual that was expected says that the noise is overstated.
 _FAR_LESS = 0.3
 # Below this probability nobody should read that the data agree, though it is no alarm.
-_DOUBTFUL = 0.01
+DOUBTFUL = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +172,7 @@ class Reconstruction(Displayed):
                 f"The data contradict the model, the training set or the noise that was stated: what is left of them "
                 f"is {ratio:.3g} times what was expected (probability {chance}). Do not trust the intervals."
             )
-        if probability < _DOUBTFUL:
+        if probability < DOUBTFUL:
             return (
                 f"The data fit worse than they should, though not so badly that chance is ruled out: what is left of "
                 f"them is {ratio:.3g} times what was expected (probability {probability:.1g}). Signs and components "
@@ -216,7 +216,7 @@ class Reconstruction(Displayed):
         rows = tuple(
             (
                 n.quantity if n.time is None else f"{n.quantity}, t = {n.time:g} s", value_text(n.value, n.deviation),
-                "–" if not np.isfinite(n.low) else f"{n.low:.6g} to {n.high:.6g}", n.unit,
+                _span(n), unit_text(n.unit),
             )
             for n in self.numbers
         )  # fmt: skip
@@ -232,3 +232,10 @@ class Reconstruction(Displayed):
             ),
             (Rows(("quantity", "estimate ± standard deviation", f"{100 * LEVEL:g}% interval", "unit"), rows),),
         )
+
+
+def _span(number: Number) -> str:
+    """An interval with the digits of its value."""
+    if not np.isfinite(number.low):
+        return "–"
+    return " to ".join(value_text(each, number.deviation).partition(" ")[0] for each in (number.low, number.high))
