@@ -70,7 +70,8 @@ class Hdf5Data(DataFormat):
                 if "values" in arrays:
                     attributes |= dict(file["values"].attrs)
         except _DAMAGED as error:
-            raise StoreError(f"{path}: cannot be read ({error}); expected a whole HDF5 file") from error
+            reason = " ".join(str(error).split())  # the library's own message has several lines
+            raise StoreError(f"{path}: cannot be read ({reason}); expected a whole HDF5 file") from error
         for name, value in attributes.items():
             if name in _NAMES:
                 arrays.setdefault(name, value)

@@ -7,6 +7,7 @@ pytest test of it; `run` runs it without pytest. See docs/conformance.md.
 from dacore.testing.backends import backend_suite
 from dacore.testing.domains import domain_suite
 from dacore.testing.estimators import estimator_suite
+from dacore.testing.formats import format_suite
 from dacore.testing.models import model_suite
 from dacore.testing.observations import observation_suite, quantity_suite
 from dacore.testing.solvers import solver_suite
@@ -22,6 +23,7 @@ __all__ = [
     "backend_suite",
     "domain_suite",
     "estimator_suite",
+    "format_suite",
     "model_suite",
     "observation_suite",
     "quantity_suite",

@@ -92,9 +92,11 @@ def test_everything_that_dacore_declares_is_here():
         for declaration in load().declarations
         if declaration.source.distribution == "dacore"
     }
+    # Suites of formats are in test_formats.py.
     assert mine == {
         "domain ball", "domain box", "domain file", "estimator minimum_variance", "estimator pbdw",
         "estimator posterior", "solver auto", "solver direct", "solver krylov",
+        "format csv", "format hdf5", "format npz",
         "study cohort", "study dimension", "study limits", "study mismatch", "study placement", "study variants",
         "study weights",
     }  # fmt: skip

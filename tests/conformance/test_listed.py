@@ -24,7 +24,7 @@ from dacore.testing import (
     space_suite,
 )
 from dacore.testing.spaces import Chain, ReferenceBackend
-from tests.conformance import broken_forms, broken_spaces, sound_backend
+from tests.conformance import broken_formats, broken_forms, broken_spaces, sound_backend
 from tests.graph_plugin import Ring, Tank, Thermometers
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs/conformance.md").read_text(encoding="utf-8")
@@ -37,6 +37,7 @@ SUITES = {
     "Models": model_suite(Ring()),
     "Solvers": solver_suite(Direct()),
     "Domains": domain_suite(Box()),
+    "Formats": broken_formats.suite_of(broken_formats.Sound),
 }
 DECLARED_IN = broken_forms
 COMMON = {check.__name__ for check in settings.CHECKS}

@@ -4,7 +4,14 @@ import pytest
 
 from dacore.testing import observation_suite, quantity_suite, solver_suite
 from dacore.testing.estimators import estimator_suite
-from tests.conformance import broken_estimators, broken_models, broken_observations, broken_solvers, broken_spaces
+from tests.conformance import (
+    broken_estimators,
+    broken_formats,
+    broken_models,
+    broken_observations,
+    broken_solvers,
+    broken_spaces,
+)
 from tests.conformance.mutants import needed
 
 SOUND = {
@@ -15,10 +22,11 @@ SOUND = {
     "estimator": estimator_suite(broken_estimators.Sound(), deviations=True),
     "space": broken_spaces.suite_of(broken_spaces.Sound),
     "domain": broken_spaces.suite_of(broken_spaces.SoundDomain),
+    "format": broken_formats.suite_of(broken_formats.Sound),
     "affine model": broken_models.suite_of(broken_models.Sound),
     "forward model": broken_models.suite_of(broken_models.SoundForward),
 }
-BROKEN = (broken_observations, broken_solvers, broken_estimators, broken_spaces, broken_models)
+BROKEN = (broken_observations, broken_solvers, broken_estimators, broken_spaces, broken_models, broken_formats)
 MUTANTS = [mutant for module in BROKEN for mutant in module.MUTANTS]
 CASES = [pytest.param(case, id=f"{kind}-{case.name}") for kind, suite in SOUND.items() for case in suite]
 

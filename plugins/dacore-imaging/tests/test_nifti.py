@@ -6,8 +6,9 @@ import nibabel as nib
 import numpy as np
 import pytest
 
-from dacore.core.data import Asked
+from dacore.core.data import Asked, ImageData
 from dacore.errors import DacoreError, ShapeError, StoreError
+from dacore.testing import format_suite
 from dacore_imaging.nifti import Nifti, read_grid
 
 AFFINE = np.array([[10.0, 0, 0, -30], [0, 20, 0, 5], [0, 0, 5, 1], [0, 0, 0, 1]])
@@ -215,3 +216,20 @@ def test_what_is_written_is_read_again(tmp_path, values, steps, parts):
         assert np.allclose(again.times, times)
     assert path.read_bytes() == Nifti().write_image(tmp_path / "out", some, image, "u", "cm", times).read_bytes()
     assert read_grid(path)[1] == SHAPE
+
+
+PARTS = np.random.default_rng(1).standard_normal((*SHAPE, 5, 3)).astype(np.float32)
+IN_CM = np.vstack([0.1 * AFFINE[:3], AFFINE[3:]])
+HELD = ImageData("any", PARTS, IN_CM, "um", (0, 1, 2), times=1e-3 * (1.0 + 0.5 * np.arange(5)))
+
+
+def whole(folder):
+    return save(folder / "u.nii.gz", PARTS, text="displacement [um]")
+
+
+def in_parts(folder):
+    return [save(folder / f"u_{axis}.nii", PARTS[..., k], text="displacement [um]") for k, axis in enumerate("xyz")]
+
+
+test_one_file = format_suite(Nifti(), whole, HELD).as_test()
+test_a_file_for_each_component = format_suite(Nifti(), in_parts, HELD).as_test()
