@@ -106,7 +106,7 @@ def plot_estimate(
     series : int
         Which series of the estimate.
     time : float, optional [s]
-        The nearest time of the estimate is shown; the middle one by default.
+        The nearest time of the estimate is shown, and none beyond its ends; the middle one by default.
     component : int or {"x", "y", "z"}, optional
         Of a vector field; its length by default.
     axis : {"x", "y", "z"}
@@ -127,10 +127,10 @@ def plot_estimate(
     CapabilityError
         If the state has no such field, or its space no cells.
     ShapeError
-        If the truth does not fit, or the plane misses the domain.
+        If the truth does not fit, the plane misses the domain, or the estimate holds no such time.
     """
     space = space_of(estimate)
-    step = len(estimate.steps) // 2 if time is None else estimate.nearest(time)
+    step = len(estimate.steps) // 2 if time is None else _step_at(estimate, time)
     if not 0 <= series < estimate.n_series:
         raise ShapeError(f"series: got {series}, expected 0 to {estimate.n_series - 1}")
     view = slice_of(space, field, axis, position)
@@ -170,3 +170,13 @@ def _state_of(truth: Trajectory | Array, estimate: Estimate, step: int) -> Array
         return np.asarray(truth)
     moment = int(np.argmin(np.abs(truth.times - estimate.times[step])))
     return np.asarray(truth.states[:, moment])
+
+
+def _step_at(estimate: Estimate, time: float) -> int:
+    """The nearest step, of a time that is the estimate's but for a step; milliseconds for seconds are not."""
+    times = estimate.times
+    near = estimate.nearest(time)
+    step = float(np.diff(times).max()) if len(times) > 1 else max(abs(float(times[0])), 1e-12)
+    if not abs(times[near] - time) <= step:
+        raise ShapeError(f"time: got {time:g} s, expected {times[0]:g} to {times[-1]:g} s as the estimate has")
+    return near

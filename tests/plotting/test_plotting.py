@@ -135,6 +135,9 @@ def test_an_estimate_stands_beside_the_truth_on_its_scale(estimate, truth):
         plot_estimate(estimate, "p", truth, axes=given[:2])
     with pytest.raises(ShapeError, match="series: got 1"):
         plot_estimate(estimate, "p", series=1)
+    for wrong in (3.0, -1.0, np.nan):
+        with pytest.raises(ShapeError, match=r"time: got .* s, expected 0\.0005 to 0\.005 s as the estimate has"):
+            plot_estimate(estimate, "p", time=wrong)
 
 
 def test_a_mesh_shows_every_role_and_its_cells(scene):

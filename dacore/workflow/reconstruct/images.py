@@ -201,14 +201,19 @@ def _outside(data: ImageData, numbers: IntArray, inside: BoolArray) -> str:
 
 
 def _empty(data: ImageData, numbers: IntArray) -> list[str]:
-    """Warning of voxels that the scene measures and that hold nothing but zeros, as many programs fill gaps."""
+    """Warning of voxels that the scene measures and that hold one number alone, as many programs fill gaps.
+
+    Of one component zero alone is told from what does not change; integers that are scaled may hold no zero.
+    """
     voxels = np.unique(numbers, axis=0)
-    zero = int((data.values[tuple(voxels.T)] == 0).all(axis=(1, 2)).sum())
+    inside = data.values[tuple(voxels.T)]
+    gap = (inside == 0) | ((inside == inside[:, :1, :1]) if inside.shape[2] > 1 else False)
+    zero = int(gap.all(axis=(1, 2)).sum())
     if zero in (0, len(voxels)):
         return []
     return [
-        f"{data.name}: {zero} of {len(voxels)} voxels that the scene measures are exactly zero in every volume, and "
-        "taken as measured: if nothing was measured there, say so with --mask, or with NaN"
+        f"{data.name}: {zero} of {len(voxels)} voxels that the scene measures hold one number alone, such as 0, and "
+        "are taken as measured: if nothing was measured there, say so with --mask, or with NaN"
     ]
 
 
