@@ -165,3 +165,22 @@ def test_data_with_a_mean_where_the_scene_takes_it_away(cache):
     assert not said(noisy)
     (line,) = said(noisy + 0.5 * noisy.std(axis=1)[:, None])
     assert "u has a mean over the steps, 0.49 times as large" in line  # the noise has a mean, too
+
+
+def test_what_stands_beside_a_label_counts(cache):
+    """A direction turned round beside a label was ignored: the value kept its sign."""
+    scene = dacore.open_scene(TOY, SMALL, cache=cache)
+    f, data = scene.functionals, scene.functionals(scene.truth[0].states)
+    shared = {"labels": f.labels, "times": scene.model.times}
+    back = SensorData("mine", -data, "cm", directions=-f.directions, places=f.centres, **shared)
+    result = scene.reconstruct(back, noise="1%")
+    np.testing.assert_allclose(result.used.values, data, rtol=1e-12)
+    for changes, words in (
+        ({"directions": np.roll(f.directions, 1, axis=1)}, "not measured along the direction that the scene measures"),
+        ({"places": f.centres + 0.2}, "0.346 cm from where the scene has it"),
+        ({"fields": ("p",) * len(data)}, "is of p, the scene's of u"),
+    ):
+        with pytest.raises(ShapeError, match=words):
+            scene.reconstruct(SensorData("mine", data, "cm", **(shared | changes)), noise="1%")
+    moved = SensorData("mine", data, "cm", places=f.centres + 0.2, **shared)
+    assert scene.reconstruct(moved, noise="1%", tolerance=0.4).used.mask.all()

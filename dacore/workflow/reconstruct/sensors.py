@@ -35,7 +35,7 @@ def fit_sensors(data: SensorData, target: Target, tolerance: float | None = None
     warnings: list[str] = []
     # Labels that somebody gave sensors of his own are names only, where there are positions.
     if data.labels and (data.places is None or set(data.labels) & set(target.functionals.labels)):
-        rows, sign, lost = _by_label(data, target)
+        rows, sign, lost = _by_label(data, target, tolerance)
     else:
         rows, sign, lost = _by_place(data, target, tolerance)
     known = np.flatnonzero(rows >= 0)
@@ -74,14 +74,45 @@ def _name(data: SensorData, k: int) -> str:
     return f"sensor {k + 1} at ({', '.join(f'{x:.6g}' for x in place)}) cm"
 
 
-def _by_label(data: SensorData, target: Target) -> tuple[IntArray, Array, list[str]]:
+def _by_label(data: SensorData, target: Target, tolerance: float | None) -> tuple[IntArray, Array, list[str]]:
     number = {label: k for k, label in enumerate(target.functionals.labels)}
     rows = np.array([number.get(label, -1) for label in data.labels], dtype=np.int64)
     first = target.functionals.labels[0]
     lost = [f"{data.labels[k]!r}" for k in np.flatnonzero(rows < 0)]
     if lost:
         lost[0] += f" (the scene's labels are such as {first!r})"
-    return rows, np.ones(len(rows)), lost
+    known = np.flatnonzero(rows >= 0)
+    return rows, _agreed(data, target, rows, known, tolerance), lost
+
+
+def _agreed(data: SensorData, target: Target, rows: IntArray, known: IntArray, tolerance: float | None) -> Array:
+    """Signs (n,) of sensors with labels; ShapeError if what is said beside a label is not what the label means."""
+    sign, mine = np.ones(len(rows)), rows[known]
+    if data.fields:
+        for k in known:
+            if data.fields[k] not in ("", target.fields[rows[k]]):
+                name, of = _name(data, int(k)), target.fields[rows[k]]
+                raise ShapeError(f"{data.name}: {name} is of {data.fields[k]}, the scene's of {of}")
+    centres = target.functionals.centres
+    if data.places is not None and data.places.shape[1] == centres.shape[1]:
+        away = np.linalg.norm(data.places[known] - centres[mine], axis=1)
+        if (away > (_tolerance(centres) if tolerance is None else tolerance)).any():
+            worst = int(away.argmax())
+            raise ShapeError(
+                f"{data.name}: {_name(data, int(known[worst]))} is {away[worst]:.3g} cm from where the scene has it; "
+                "correct the position or its unit, leave it out, or give --tolerance"
+            )
+    if data.directions is not None and data.directions.shape[1] == centres.shape[1]:
+        given = data.directions[known].any(axis=1)
+        along = np.einsum("kd,kd->k", data.directions[known], target.functionals.directions[mine])
+        if (given & (np.abs(np.abs(along) - 1.0) > _ALONG)).any():
+            k = int(known[np.flatnonzero(given & (np.abs(np.abs(along) - 1.0) > _ALONG))[0]])
+            raise ShapeError(
+                f"{data.name}: {_name(data, k)} is not measured along the direction that the scene measures there; "
+                "correct the component or the direction, or leave it out"
+            )
+        sign[known] = np.where(given, np.sign(along), 1.0)
+    return sign
 
 
 def _by_place(data: SensorData, target: Target, tolerance: float | None) -> tuple[IntArray, Array, list[str]]:
