@@ -72,6 +72,11 @@ class Estimate(Displayed):
         Whether the data contradict what the estimator supposes.
     parameters : ParameterEstimate, optional
         Of an estimator that finds the model's parameters, too.
+
+    Raises
+    ------
+    ShapeError
+        If the coefficients are not those of the background's modes at these steps.
     """
 
     background: Background
@@ -82,6 +87,14 @@ class Estimate(Displayed):
     uncertainty: Uncertainty | None = None
     misfit: Misfit | None = None
     parameters: ParameterEstimate | None = None
+
+    def __post_init__(self) -> None:
+        modes, steps = len(self.background.coefficients), len(self.steps)
+        if np.ndim(self.coefficients) != 3 or self.coefficients.shape[:2] != (modes, steps):
+            raise ShapeError(
+                f"estimate: got coefficients of shape {np.shape(self.coefficients)}, expected "
+                f"({modes} modes, {steps} steps, series)"
+            )
 
     def _card(self) -> Card:
         space, parameters = self.background.space, self.parameters

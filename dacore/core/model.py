@@ -180,12 +180,18 @@ class AffineModel(Displayed):
 
     def __post_init__(self) -> None:
         n = self.space.n_dofs
+        for name, flags in (("constrained", self.constrained), ("antisymmetric", self.antisymmetric)):
+            if np.shape(flags) != (n,):
+                raise ShapeError(f"{name}: got flags of shape {np.shape(flags)}, expected ({n},)")
         for term in (*self.second_order, *self.first_order, *self.zeroth_order):
             if term.matrix.shape != (n, n):
                 raise ShapeError(f"term {term.name}: got shape {term.matrix.shape}, expected {(n, n)}")
         for load in self.loads:
             if load.force.shape != (n,) or load.prescribed.shape != (n,):
-                raise ShapeError(f"load {load.name}: expected force and prescribed values of shape ({n},)")
+                raise ShapeError(
+                    f"load {load.name}: got a force of shape {load.force.shape} and prescribed values of shape "
+                    f"{load.prescribed.shape}, expected ({n},) for both, a number for each degree of freedom"
+                )
             if load.prescribed[~self.constrained].any():
                 raise ShapeError(f"load {load.name}: prescribes values of dofs that are not constrained")
             if load.initial is None:

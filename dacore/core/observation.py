@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from dacore.core.arrays import Array, IntArray, Sparse
 from dacore.core.display import Card, Displayed, count, listed, unit_text
@@ -45,11 +46,19 @@ class Functionals(Displayed):
     dropped: int = 0
 
     def __post_init__(self) -> None:
+        if not isinstance(self.matrix, csr_array):
+            raise ShapeError(
+                f"functionals: got a matrix of type {type(self.matrix).__name__}, expected a csr_array (m, n_dofs) of "
+                "scipy.sparse; make one of it: csr_array(matrix)"
+            )
         m = self.matrix.shape[0]
         if m == 0:
             raise ShapeError("functionals: got none, expected at least one; is the grid inside the domain?")
         if not len(self.labels) == len(self.centres) == len(self.directions) == len(self.sites) == m:
-            raise ShapeError(f"functionals: labels, centres, directions and sites must each have {m} rows")
+            given = ", ".join(
+                f"{len(getattr(self, name))} {name}" for name in ("labels", "centres", "directions", "sites")
+            )
+            raise ShapeError(f"functionals: got {given} for a matrix of {m} rows, expected {m} of each")
         if not np.isfinite(self.matrix.data).all():
             rows = np.repeat(np.arange(m), np.diff(self.matrix.indptr))[~np.isfinite(self.matrix.data)]
             raise ShapeError(

@@ -16,6 +16,7 @@ from dacore.core.model import Trajectory
 from dacore.core.observation import Functionals
 from dacore.core.quantity import QuantityOfInterest
 from dacore.core.space import Product
+from dacore.errors import ShapeError
 from dacore.estimators.frames import balanced_weights
 from dacore.studies.errors import JOINT, Contrast, ErrorMeter, ProjectedErrors
 from dacore.studies.noisy import NoisyData
@@ -70,6 +71,8 @@ class Judge:
         for level in noisy_data.data:
             started = time.perf_counter()
             estimate = prepared.estimate(noisy_data.given(level), noisy_data.sigmas[level], mask)
+            if not isinstance(estimate, Estimate):
+                raise ShapeError(f"estimator {name}: estimate gave a {type(estimate).__name__}, expected an Estimate")
             jobs.append((level, estimate, time.perf_counter() - started))
         tables = self._errors([estimate for _, estimate, _ in jobs])
         outcomes = [

@@ -37,6 +37,7 @@ from dacore.plugins.registry import Registry, load
 from dacore.plugins.settings import build
 from dacore.plugins.versions import source_hash
 from dacore.studies.errors import Contrast
+from dacore.workflow.built import check_built
 
 if TYPE_CHECKING:
     from dacore.workflow.studies.study import Study
@@ -201,6 +202,7 @@ class Builder:
         made: list[Discretization] = []
         with self.blame("physics"):
             built = self.physics.build(discretize)
+            check_built(built, type(self.physics).__name__)
         # The model has its matrices; its space asks for masses and evaluations later, and not always.
         for discretization in made:
             discretization.release()

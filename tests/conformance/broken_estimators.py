@@ -336,7 +336,7 @@ class Guesses(Sound):
         return replace(found, coefficients=mean)
 
 
-@caught_by("shapes", "coefficients have shape")
+@caught_by("shapes", "coefficients of shape .* expected")
 class SeriesFirst(Sound):
     def change(self, prepared, data, scale, mask):
         check_data(data, *data.shape[:2])

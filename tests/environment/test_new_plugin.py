@@ -168,17 +168,25 @@ FAULTS = {
         edited('csr_array(vstack(rows, format="csr"))', 'csr_array(vstack(rows, format="csr"))[:, :-1]', "observation"),
         "observation.lines: functionals have 152 columns, expected 153, one for each degree of freedom of the state",
     ),
+    "functionals of another type": (
+        edited('csr_array(vstack(rows, format="csr"))', "vstack(rows).toarray()", "observation"),
+        "observation.lines: functionals: got a matrix of type ndarray, expected a csr_array",
+    ),
     "no functionals": (
         edited("return Functionals(", "return (", "observation"),
         "observation.lines: functionals gave a tuple, expected Functionals",
     ),
     "unknown parameter": (
         edited('parameters["k"]', 'parameters["rate"]'),
-        "model: a plugin failed at model.py line 91 (KeyError: 'rate'); dacore --debug shows all of it",
+        "physics: term reaction: its coefficient asks for the parameter 'rate'; there is D, k, c_in",
+    ),
+    "no model": (
+        edited("return AffineModel(", "AffineModel("),
+        "physics: ReactionDiffusion.build gave a NoneType, expected an AffineModel or a ForwardModel",
     ),
     "force of another length": (
         edited("np.zeros(n), held", "np.zeros(n + 1), held"),
-        "physics: load inlet: expected force and prescribed values of shape (153,)",
+        "physics: load inlet: got a force of shape (154,) and prescribed values of shape (153,), expected (153,)",
     ),
     "wrong dependence": (
         edited("api=API", 'requires=("no_such_library",), api=API', "__init__"),
