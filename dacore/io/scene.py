@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from dacore.core.display import Card, Displayed
 from dacore.errors import SceneError
 from dacore.io.scene_card import scene_card
+from dacore.io.units import factor
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
@@ -375,15 +376,5 @@ def convert(value: Range, unit: str, where: str) -> tuple[float, float]:
     """
     if value.unit is None or value.unit == unit:
         return value.low, value.high
-    import pint
-
-    registry: Any = pint.UnitRegistry()
-    try:
-        factor = (
-            registry.Quantity(1.0, value.unit.replace("²", "^2").replace("³", "^3"))
-            .to(unit.replace("²", "^2"))
-            .magnitude
-        )
-    except (pint.errors.PintError, AttributeError) as error:
-        raise SceneError(f"{where}: got the unit {value.unit!r}, expected one that converts to {unit!r}") from error
-    return value.low * float(factor), value.high * float(factor)
+    scale = factor(value.unit, unit, where)
+    return value.low * scale, value.high * scale

@@ -24,7 +24,7 @@ def factor(given: str, wanted: str, where: str) -> float:
     Raises
     ------
     SceneError
-        If a unit is unknown, or measures something else.
+        If a unit is unknown, measures something else, or has a zero of its own as °C has: no factor converts it.
     """
     if given == wanted:
         return 1.0
@@ -33,9 +33,15 @@ def factor(given: str, wanted: str, where: str) -> float:
     try:
         if not _WRITTEN.fullmatch(_plain(given)):
             raise ValueError("no unit")
-        return float(_registry().Quantity(1.0, _plain(given)).to(_plain(wanted)).magnitude)
+        zero, one = (_registry().Quantity(number, _plain(given)).to(_plain(wanted)).magnitude for number in (0.0, 1.0))
     except (pint.errors.PintError, AttributeError, TypeError, ValueError, AssertionError, TokenError) as error:
         raise SceneError(f"{where}: got the unit {given!r}, expected one that converts to {wanted!r}") from error
+    if zero != 0:
+        raise SceneError(
+            f"{where}: got the unit {given!r}, which has a zero of its own; give differences from the zero of the "
+            f"scene, in {wanted!r}"
+        )
+    return float(one)
 
 
 def chosen_unit(asked: str | None, found: str | None, name: str) -> tuple[str | None, tuple[str, ...]]:
