@@ -8,6 +8,8 @@ from typing import Any
 from dacore.errors import SceneError
 
 _HEADER = re.compile(r"\s*(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*")
+# Angles have no dimension: a radian a second would pass for a hertz.
+_ANGLES = {"radian", "degree", "turn", "revolutions_per_minute", "revolutions_per_second"}
 _WRITTEN = re.compile(r"[\w\s*/^().%°-]+")
 
 
@@ -41,6 +43,8 @@ def factor(given: str, wanted: str, where: str) -> float:
             f"{where}: got the unit {given!r}, which has a zero of its own; give differences from the zero of the "
             f"scene, in {wanted!r}"
         )
+    if wanted == "Hz" and _ANGLES & {name for name, _ in _registry().Quantity(1.0, _plain(given)).unit_items()}:
+        raise SceneError(f"{where}: got {given!r}, a unit of angular frequency; give cycles a second, in 'Hz'")
     return float(one)
 
 

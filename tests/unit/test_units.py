@@ -26,3 +26,13 @@ def test_differences_of_temperatures_are_factors():
     assert factor("delta_degC", "K", "") == pytest.approx(1.0)
     assert factor("mK", "K", "") == pytest.approx(1e-3)
     assert convert(Range(low=0.4, high=0.6, unit="W/m/K"), "erg/(cm*s*K)", "") == pytest.approx((4e4, 6e4))
+
+
+@pytest.mark.parametrize("unit", ["rad/s", "rpm", "deg/s", "turn/s"])
+def test_angular_frequencies_are_no_hertz(unit):
+    """314 rad/s were 314 Hz."""
+    with pytest.raises(SceneError, match="unit of angular frequency; give cycles a second, in 'Hz'"):
+        parse_quantity(f"314 {unit}", "Hz", "--frequency")
+    assert parse_quantity("0.05 kHz", "Hz", "--frequency") == pytest.approx(50.0)
+    assert factor("1/s", "Hz", "") == pytest.approx(1.0)
+    assert factor("deg", "rad", "") == pytest.approx(0.0174532925)
