@@ -37,7 +37,7 @@ KINDS = {
     "solver": Kind("dacore_solvers", "minres", "MinimalResiduals", "minimal residuals", "solver_suite"),
     "domain": Kind("dacore_domains", "disk", "Disk", "a disk with an opening", "domain_suite"),
     "backend": Kind("dacore_backends", "numpy", "NumpyBackend", "finite elements in plain numpy", "backend_suite"),
-    "format": Kind("dacore_formats", "log", "LoggerFile", "files of a data logger", "tests of its own"),
+    "format": Kind("dacore_formats", "log", "LoggerFile", "files of a data logger", "format_suite"),
     "study": Kind("dacore_studies", "samples", "Samples", "what fewer training samples cost", "tests of its own"),
 }
 DEFAULT = ("model", "observation")

@@ -13,6 +13,7 @@ import pytest
 from annotated_types import Gt
 
 from dacore import testing
+from dacore.core.discretization import Discretization
 from dacore.errors import SceneError
 from dacore.plugins import spec
 from dacore.plugins.declarations import KINDS
@@ -92,9 +93,9 @@ def test_the_scene_with_a_plugin_file_is_that_of_the_example():
     assert "plugins" in shown
 
 
-def test_the_pieces_of_a_domain_and_a_backend_are_right(package):
-    domain, block, study = PIECES
-    for piece in (domain, block):
+def test_the_pieces_of_a_model_a_domain_and_a_backend_are_right(package):
+    fields, domain, block, study = PIECES
+    for piece in (fields, domain, block):
         done = run(package, "\n" + piece)
         assert done.returncode == 0, done.stderr
     done = run(package, f"\n{study}\nprint(*(spec.name for spec in dacore_studies()))")
@@ -125,6 +126,13 @@ def test_every_hook_is_documented_with_its_base_class_and_its_suite():
             assert suite.startswith("none: ")
     assert suites == {"space_suite"}, "a suite that no hook's row names"
     assert "`space_suite`" in PAGE
+
+
+def test_every_form_that_a_physics_may_ask_for_is_listed():
+    members = {name for name in vars(Discretization) if not name.startswith("_")} - {"release"}
+    members |= {"mesh", "layout"}
+    listed = {name for row in rows(section("A PDE")) for name in re.findall(r"`(?:layout\.|mesh\.)?(\w+)", row[0])}
+    assert members - {"backend", "fields"} <= listed
 
 
 def test_every_kind_has_a_section_and_a_template():
