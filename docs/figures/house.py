@@ -97,7 +97,8 @@ def waists(ax: plt.Axes, x: float) -> None:
         y -= high + gap
     ax.text(centre, -1.45, "two narrow waists", ha="center", size=12, weight="bold", color=INK)
     ax.text(
-        centre + wide / 2 + 0.3, -4.2, "P physics,\nB backends and\nO measurements\ncost P + B + O\nplugins, not P · B · O",
+        centre + wide / 2 + 0.3, -4.2,
+        "P physics,\nB backends and\nO measurements\ncost P + B + O\nplugins, not P · B · O",
         ha="left", va="center", size=9.6, color=SOFT,
     )  # fmt: skip
 
