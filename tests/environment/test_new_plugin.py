@@ -47,14 +47,25 @@ class Environment:
                     link.symlink_to(entry)
         (self.packages / "libraries.pth").write_text(f"{libraries}\n")
 
-    def run(self, *arguments, check=True, cwd=None):
-        """Run its Python; nothing of the running environment reaches it."""
+    def variables(self):
+        """Environment variables of its processes; nothing of the running environment reaches them."""
         kept = ("HOME", "LANG", "TMPDIR", "SSL_CERT_FILE")
         environment = {key: os.environ[key] for key in kept if key in os.environ}
         environment |= {"PATH": f"{self.folder / 'bin'}:/usr/bin:/bin", "PYTHONNOUSERSITE": "1"}
         environment |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+        return environment
+
+    def start(self, *arguments, cwd):
+        """Start its Python; it is asked and answers by lines."""
+        return subprocess.Popen(
+            [str(self.folder / "bin/python"), *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+            env=self.variables(), cwd=cwd,
+        )  # fmt: skip
+
+    def run(self, *arguments, check=True, cwd=None):
+        """Run its Python to the end."""
         done = subprocess.run(
-            [str(self.folder / "bin/python"), *arguments], capture_output=True, text=True, env=environment,
+            [str(self.folder / "bin/python"), *arguments], capture_output=True, text=True, env=self.variables(),
             cwd=cwd or self.folder,
         )  # fmt: skip
         assert not check or done.returncode == 0, done.stdout + done.stderr
@@ -218,38 +229,81 @@ FAULTS = {
 }
 
 
-BOTH = """
-import sys
+# dacore's own modules and the libraries are imported once; each fault is met in a fork of that process, which knows no
+# plugin yet. Nothing compiled is kept, since two faults may be written in one second.
+FORKS = """
+import os, sys
+sys.dont_write_bytecode = True
+import dacore.cli.progress, dacore.workflow.run, scipy.sparse.linalg
 from dacore.cli.main import main
-try:
-    main(["run", "scene.toml", "--workers", "1", "--out", "runs/broken"])
-except SystemExit as left:
-    print("LISTED")
+
+def both():
     try:
-        main(["plugins"])
-    except SystemExit:
-        sys.exit(left.code)
+        main(["run", "scene.toml", "--workers", "1", "--out", "runs/broken"])
+    except SystemExit as left:
+        print("LISTED", flush=True)
+        try:
+            main(["plugins"])
+        except SystemExit:
+            return left.code
+    return 0
+
+assert not any(name.startswith("dacore_") for name in sys.modules), "a plugin is imported before it is broken"
+print("ready", flush=True)
+for folder in sys.stdin:
+    child = os.fork()
+    if not child:
+        for number, name in ((1, "out"), (2, "err")):
+            os.dup2(os.open(os.path.join(folder.strip(), name), os.O_WRONLY | os.O_CREAT), number)
+        code = 70  # what nothing else ends with: a traceback
+        try:
+            code = both()
+        except BaseException:
+            sys.excepthook(*sys.exc_info())
+        finally:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(code)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
 """
 
 
+@pytest.fixture(scope="module")
+def run_and_list(environment, plugin, tmp_path_factory):
+    """Runs the scene and lists the plugins: (exit code, standard output, standard error)."""
+    asked = environment.start("-c", FORKS, cwd=plugin)
+    assert asked.stdout.readline() == "ready\n"
+
+    def ask():
+        folder = tmp_path_factory.mktemp("told")
+        asked.stdin.write(f"{folder}\n")
+        asked.stdin.flush()
+        return int(asked.stdout.readline()), (folder / "out").read_text(), (folder / "err").read_text()
+
+    yield ask
+    asked.stdin.close()
+    assert asked.wait() == 0
+    asked.stdout.close()
+
+
 @pytest.mark.parametrize("fault", FAULTS)
-def test_each_way_to_break_it_is_told_in_one_line(environment, plugin, fault):
-    """And the list of plugins goes on: it is asked for in the same process, which is quicker."""
+def test_each_way_to_break_it_is_told_in_one_line(run_and_list, plugin, fault):
+    """And the list of plugins goes on."""
     package = plugin / "src/dacore_tumour"
     before = {file: file.read_text() for file in package.glob("*.py")}
     breaking, message = FAULTS[fault]
     try:
         breaking(package)
-        done = environment.run("-c", BOTH, check=False, cwd=plugin)
+        code, out, err = run_and_list()
     finally:
         for file in package.glob("*.py"):
             file.unlink()
         for file, text in before.items():
             file.write_text(text)
-    told = [line for line in done.stderr.splitlines() if line.strip()]
-    assert done.returncode in (1, 2), done.stdout
-    listed = done.stdout.partition("LISTED")[2]
-    assert len(told) == 1, done.stderr
+    told = [line for line in err.splitlines() if line.strip()]
+    assert code in (1, 2), out + err
+    listed = out.partition("LISTED")[2]
+    assert len(told) == 1, err
     assert told[0].startswith("error: ")
     assert message in told[0]
     assert re.search("estimator +minimum_variance +ready", listed)
