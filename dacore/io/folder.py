@@ -11,6 +11,9 @@ from dacore.errors import StoreError
 from dacore.io.atomic import make_folder
 from dacore.io.leftovers import abandoned, mark
 
+# What such a folder was written with, a path a line: anything beside that is somebody's own.
+_LIST = ".files"
+
 
 @contextmanager
 def atomic_folder(folder: Path, sign: str) -> Iterator[Path]:
@@ -22,9 +25,9 @@ def atomic_folder(folder: Path, sign: str) -> Iterator[Path]:
     Parameters
     ----------
     folder : Path
-        An earlier one, known by `sign`, is replaced.
+        An earlier one, known by `sign`, is replaced, if nobody put anything else into it.
     sign : str
-        Name of a file that only such folders hold: what else is there is never deleted.
+        Name of a file that only such folders hold.
 
     Yields
     ------
@@ -46,6 +49,8 @@ def atomic_folder(folder: Path, sign: str) -> Iterator[Path]:
         yield temporary
         if not (temporary / sign).exists():
             raise StoreError(f"{folder}: {sign} was not written")
+        (temporary / _LIST).write_text("\n".join(sorted(_files(temporary))), encoding="utf-8")
+        check_folder(folder, sign)
         try:
             if folder.exists():
                 folder.replace(earlier)
@@ -60,9 +65,27 @@ def atomic_folder(folder: Path, sign: str) -> Iterator[Path]:
 
 
 def check_folder(folder: Path, sign: str) -> None:
-    """Raise StoreError if a folder holds anything but an earlier one of its kind."""
-    if folder.exists() and (not folder.is_dir() or (any(folder.iterdir()) and not (folder / sign).exists())):
+    """Raise StoreError if a folder holds anything but an earlier one of its kind, as that was written."""
+    if not folder.exists():
+        return
+    if not folder.is_dir() or (any(folder.iterdir()) and not (folder / sign).exists()):
         raise StoreError(f"{folder}: holds something else (no {sign} in it); choose another folder with --out")
+    try:
+        listed = (folder / _LIST).read_text(encoding="utf-8").splitlines()
+    except OSError:
+        listed = [sign]
+    strange = sorted(_files(folder) - {*listed, _LIST})
+    if strange:
+        more = f" and {len(strange) - 1} more" if len(strange) > 1 else ""
+        raise StoreError(
+            f"{folder}: holds {strange[0]}{more}, which an earlier run did not write and replacing the folder would "
+            "delete; move it, or choose another folder with --out"
+        )
+
+
+def _files(folder: Path) -> set[str]:
+    """Paths of everything in a folder that is no folder, from there."""
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_symlink() or not path.is_dir()}
 
 
 def _sweep(folder: Path) -> None:

@@ -135,6 +135,7 @@ def test_a_fit_that_chance_hardly_gives_is_not_called_agreement(scene, truth):
             times=scene.model.times,
         )
         result = scene.reconstruct(sensors, noise=f"{sigma} cm")
+        assert result.doubtful == (factor > 1.0)
         said[factor] = (float(result.estimate.misfit.probability[0]), result.verdict)
     assert said[1.0][0] > 0.01
     assert said[1.0][1].startswith("The data agree")

@@ -26,6 +26,13 @@ def fail(folder, error):
         raise error
 
 
+def meanwhile(folder):
+    with atomic_folder(folder, SIGN) as temporary:
+        (temporary / SIGN).write_text("newest")
+        for name in ("late", "later"):
+            (folder / name).write_text("put there while the work went on")
+
+
 def test_a_folder_appears_whole_and_replaces_its_own_kind(tmp_path):
     target = tmp_path / "a" / "b"
     fill(target)
@@ -63,6 +70,24 @@ def test_other_peoples_folders_and_files_are_left_alone(tmp_path):
     (tmp_path / "empty").mkdir()
     check_folder(tmp_path / "empty", SIGN)
     fill(tmp_path / "empty")
+
+
+def test_what_somebody_put_into_an_earlier_folder_is_not_deleted(tmp_path):
+    target = tmp_path / "b"
+    fill(target)
+    for path in (target / "notes.txt", target / "deep" / "view.pvsm"):
+        path.write_text("years")
+        with pytest.raises(StoreError, match=rf"holds {path.relative_to(target)}, which an earlier run did not write"):
+            fill(target, "newer")
+        assert path.read_text() == "years"
+        assert (target / SIGN).read_text() == "new"
+        path.unlink()
+    (target / "deep" / "part").unlink()  # what is gone is nobody's loss
+    fill(target, "newer")
+    with pytest.raises(StoreError, match="holds late and 1 more"):
+        meanwhile(target)
+    assert (target / SIGN).read_text() == "newer"
+    assert [each.name for each in tmp_path.iterdir()] == ["b"]
 
 
 def test_what_a_killed_process_left_is_removed_and_what_a_living_one_makes_is_not(tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 
 from dacore.workflow.drawn import unit_text
 from dacore.workflow.machine import peak_memory
-from dacore.workflow.reconstruct.result import DOUBTFUL, Reconstruction
+from dacore.workflow.reconstruct.result import Reconstruction
 from dacore.workflow.reconstruct.tables import data_table, parameter_table, quantity_table
 from dacore.workflow.report_parts import Card, Picture, Provenance, Report, Section, Table, Timing
 from dacore.workflow.tables import name_of, number_text, quantity_title, value_text
@@ -61,14 +61,13 @@ def make_report(
     states = result.session.runner.states
     timings = [Timing(name, s, states.get(name, "run")) for name, s in result.session.runner.timings.items()]
     alarm = misfit is not None and bool(misfit.alarm[0])
-    doubt = misfit is not None and bool(misfit.probability[0] < DOUBTFUL)
     fits = misfit is not None and np.isfinite(misfit.ratio).all()
     cards = [
         *_numbers(result),
         Card(
-            "does it fit?", ("no" if alarm else "hardly" if doubt else "yes") if fits else "not known",
+            "does it fit?", ("no" if alarm else "hardly" if result.doubtful else "yes") if fits else "not known",
             f"left over: {number_text(float(misfit.ratio[0]))} of what was expected" if misfit and fits else "",
-            ("bad" if alarm else "" if doubt else "good") if fits else "",
+            ("bad" if alarm else "" if result.doubtful else "good") if fits else "",
         ),
     ]  # fmt: skip
     return Report(

@@ -21,8 +21,9 @@ from dacore.workflow.tables import value_text
 LEVEL = 0.9
 # Less than this part of the residual that was expected says that the noise is overstated.
 _FAR_LESS = 0.3
-# Below this probability nobody should read that the data agree, though it is no alarm.
-DOUBTFUL = 0.01
+# Below this probability, or above this ratio, nobody should read that the data agree, though it is no alarm: with few
+# training samples chance leaves much.
+_UNLIKELY, _MUCH = 0.01, 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +161,12 @@ class Reconstruction(Displayed):
         return self.session.background.space
 
     @property
+    def doubtful(self) -> bool:
+        """Whether the data fit badly, without an alarm or with one; False where the estimator does not tell."""
+        misfit = self.estimate.misfit
+        return misfit is not None and bool(misfit.probability[0] < _UNLIKELY or misfit.ratio[0] > _MUCH)
+
+    @property
     def verdict(self) -> str:
         """One sentence on whether the data contradict what the estimator supposes."""
         misfit = self.estimate.misfit
@@ -172,10 +179,10 @@ class Reconstruction(Displayed):
                 f"The data contradict the model, the training set or the noise that was stated: what is left of them "
                 f"is {ratio:.3g} times what was expected (probability {chance}). Do not trust the intervals."
             )
-        if probability < DOUBTFUL:
+        if self.doubtful:
             return (
                 f"The data fit worse than they should, though not so badly that chance is ruled out: what is left of "
-                f"them is {ratio:.3g} times what was expected (probability {probability:.1g}). Signs and components "
+                f"them is {ratio:.3g} times what was expected (probability {probability:.2g}). Signs and components "
                 "that are wrong may look like this."
             )
         agree = (
