@@ -204,5 +204,6 @@ def _check_symmetry(matrix: Sparse, definite: BoolArray) -> None:
     if error > _SYMMETRY_TOLERANCE * float(np.abs(scaled.data).max()):
         raise AccuracyError(
             f"step matrix: unsymmetric by {error:.1e} after scaling; every step must be symmetric: mark the rows "
-            "of a flow as antisymmetric, and hold one of two coupled fields on every part of the boundary"
+            "of a flow as antisymmetric, hold one of two coupled fields on every part of the boundary, and scale "
+            "equations so that they couple alike; a model that is not symmetric solves for itself, as a ForwardModel"
         )

@@ -130,8 +130,8 @@ class PBDW(Estimator):
             for name in names[1:]:
                 if name not in self.weights:
                     raise ShapeError(
-                        f"weights: nothing given for {name}; ζ decides what PBDW finds, so state it: "
-                        f"weights = {{ {name} = 1e-18 }}, or 'balanced'"
+                        f"weights: nothing given for {name}; ζ decides what PBDW finds, so state it: weights = "
+                        f"'balanced', or a number, {{ {name} = … }}"
                     )
         if self.spaces == "phase" and not isinstance(self.n, str) and self.n > samples:
             raise ShapeError(

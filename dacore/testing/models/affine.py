@@ -124,7 +124,11 @@ def steps_are_symmetric(stand: Stand) -> None:
             require(bool((diagonal > 0).all()), f"{stand.name}: a row of the step vanishes with {_short(theta)}")
             matrix /= np.sqrt(np.outer(diagonal, diagonal))
             off = float(np.abs(matrix - matrix.T).max())
-            require(off < 1e-10, f"{stand.name}: the step is unsymmetric by {off:.1e} with {_short(theta)}")
+            require(
+                off < 1e-10,
+                f"{stand.name}: the step is unsymmetric by {off:.1e} with {_short(theta)}; scale equations so "
+                "that they couple alike, or build a ForwardModel that solves for itself",
+            )
             for rows, sign, what in ((system.definite, 1.0, "positive"), (~system.definite, -1.0, "negative")):
                 if rows.any():
                     low = float(np.linalg.eigvalsh(sign * matrix[np.ix_(rows, rows)])[0])

@@ -52,6 +52,12 @@ def test_order_labels_sites_and_directions(make_space):
     np.testing.assert_allclose(along(state), np.array(e) @ every, atol=1e-14)
 
 
+@pytest.mark.parametrize(("dim", "position"), [(2, (1.0, 1.0, 0.0)), (3, (1.0, 1.0))])
+def test_points_of_another_dimension_are_not_called_outside(make_space, dim, position):
+    with pytest.raises(ShapeError, match=f"sensor positions: got {len(position)} coordinates each, expected as many"):
+        PointSensors(positions=(position,), field="p").functionals(make_space(dim))
+
+
 def test_points_outside_are_named_or_counted(make_space):
     space = make_space(3)
     lost = ((9.0, 1.0, 1.0), (1.0, -0.5, 1.0))

@@ -89,6 +89,12 @@ class PointSensors(ObservationOperator):
         points = np.array(self.positions)
         what = measured(space, self.field, self.components, self.directions, points.shape[1])
         axis = None if self.derivative is None else axis_number("sensor derivative", self.derivative, points.shape[1])
+        try:
+            space.evaluation(points[:0], self.field)
+        except ShapeError as error:  # no point is outside here: their coordinates are too few or too many
+            raise ShapeError(
+                f"sensor positions: got {points.shape[1]} coordinates each, expected as many as the domain has axes"
+            ) from error
         lost = _outside(space, self.field, points)
         if lost.size and (self.outside == "error" or lost.size == len(points)):
             places = "; ".join("(" + ", ".join(f"{value:.6g}" for value in points[k]) + ")" for k in lost[:5])
