@@ -7,10 +7,12 @@ not wait for it: a card holds what is known already, and nothing is computed or 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from html import escape
+from textwrap import wrap
 from typing import Any
 
-# Text longer than this is cut, and a table shows so many rows in a terminal and in a notebook.
-_LONGEST, _LINES, _ROWS = 96, 12, 40
+# A line of text is no longer than this, a value has no more than so many of them, and a table shows so many rows in a
+# terminal and in a notebook.
+_LONGEST, _MOST, _LINES, _ROWS = 96, 4, 24, 40
 # Facts that fit are on one line.
 _ONE_LINE = 100
 
@@ -97,13 +99,13 @@ class Card:
         -------
         str
         """
-        facts = [(name, _cut(value)) for name, value in self.facts if value]
+        facts = [(name, value) for name, value in self.facts if value]
         tables = [table for table in self.tables if table.rows]
         line = f"{self.title}({'; '.join(f'{name}: {value}' for name, value in facts)})" if facts else self.title
         if not tables and len(line) <= _ONE_LINE:
             return line
         width = max((len(name) for name, _ in facts), default=0)
-        lines = [_cut(self.title), *(f"  {name.ljust(width)}  {value}" for name, value in facts)]
+        lines = [_cut(self.title), *(line for fact in facts for line in _wrapped(*fact, width))]
         return "\n".join([*lines, *(line for table in tables for line in table.text())])
 
     def html(self) -> str:
@@ -286,3 +288,9 @@ def _attributes(value: object) -> list[tuple[str, Any]]:
 def _cut(text: str) -> str:
     line = " ".join(text.split())
     return line if len(line) <= _LONGEST else line[: _LONGEST - 1] + "…"
+
+
+def _wrapped(name: str, value: str, width: int) -> list[str]:
+    """Lines of a fact, its value below itself where it is long."""
+    parts = wrap(" ".join(value.split()), _LONGEST, max_lines=_MOST, placeholder=" …") or [""]
+    return [f"  {(name if k == 0 else '').ljust(width)}  {part}" for k, part in enumerate(parts)]

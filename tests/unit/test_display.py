@@ -254,11 +254,20 @@ def test_the_default_shows_arrays_by_shape_and_cuts_long_text():
     assert "(1,000)" in text or "1000" in text
 
 
+def test_a_long_fact_goes_on_below_itself():
+    words = " ".join(f"word{k}" for k in range(30))
+    text = Card("Long", (("said", words), ("endless", "on and on " * 500))).text()
+    assert all(f"word{k}" in text for k in range(30))
+    assert max(map(len, text.split("\n"))) < 110
+    assert text.endswith("…")
+    assert len(text.split("\n")) < 12
+
+
 def test_long_tables_are_cut():
     rows = tuple((str(k), "x") for k in range(500))
     text = Card("Long", (), (Rows(("n", "x"), rows),)).text()
-    assert "… and 488 more" in text
-    assert len(text.split("\n")) < 20
+    assert "… and 476 more" in text
+    assert len(text.split("\n")) < 30
     html = Card("Long", (), (Rows(("n", "x"), rows),)).html()
     assert html.count("<tr>") == 41
     assert "… and 460 more" in html
