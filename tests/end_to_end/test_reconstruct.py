@@ -233,7 +233,10 @@ def test_the_folder_of_results(scene, truth, tmp_path):
     f = scene.functionals
     index = np.round(f.centres - f.centres.min(axis=0) + [1, 1, 0]).astype(int)
     picked = np.asarray(image.dataobj)[(*index.T, slice(None), f.directions.argmax(axis=1))]
-    assert np.abs(picked - result.fit).max() < 1e-6 * np.abs(result.fit).max()
+    # In the unit of the data, which were in um.
+    assert np.abs(picked - 1e4 * result.fit).max() < 1e-6 * np.abs(1e4 * result.fit).max()
+    assert b"[um]" in image.header["descrip"].item()
+    assert b"[dyn/cm^2]" in nib.load(out / "images/p.nii.gz").header["descrip"].item()
     assert nib.load(out / "images/p_deviation.nii.gz").shape == values.shape[:4]
     assert np.isnan(np.asarray(image.dataobj)[0, 0]).all()
     text = (out / "report.html").read_text()
@@ -274,7 +277,7 @@ def test_an_image_observation_takes_its_own_image(scene, truth, cache, tmp_path)
     out = tmp_path / "out"
     result.write(out)
     image = np.asarray(nib.load(out / "images/u.nii.gz").dataobj) @ turn[:3, :3].T
-    picked = image[(*numbers.T, slice(None), f.directions.argmax(axis=1))]
+    picked = 1e-4 * image[(*numbers.T, slice(None), f.directions.argmax(axis=1))]
     assert np.abs(picked - result.fit).max() < 1e-5 * np.abs(result.fit).max()
     # Other content of the file is another measurement: nothing stale comes from the cache.
     key = other.runner.pipeline.key("functionals")

@@ -324,6 +324,19 @@ def test_unmarked_flow_rows_are_refused():
         MarchedModel(rod(antisymmetric=np.zeros(2 * N, dtype=bool)), TimeGrid(0.02, 3))
 
 
+def off_the_middle(parameters):
+    low, high = rods.RANGES["storage"]
+    return parameters["storage"] - 0.5 * (low + high)
+
+
+def test_a_step_that_is_symmetric_in_the_middle_of_the_ranges_only_is_refused():
+    model = rods.rod(N)
+    drift = rods.place(rods.matrices(N)[2], 0, 0)
+    wrong = replace(model, zeroth_order=(*model.zeroth_order, AffineTerm("drift", drift, off_the_middle)))
+    with pytest.raises(AccuracyError, match="unsymmetric"):
+        MarchedModel(wrong, GRID)
+
+
 def test_wrongly_marked_rows_are_refused():
     with pytest.raises(ShapeError, match="antisymmetric rows have mass"):
         MarchedModel(rod(antisymmetric=np.arange(2 * N) < N), TimeGrid(0.02, 3))

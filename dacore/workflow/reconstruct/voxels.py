@@ -9,7 +9,9 @@ from dacore.core.arrays import Array, IntArray, Sparse
 from dacore.core.data import ImageData
 from dacore.core.observation import Functionals
 from dacore.core.space import StateSpace
+from dacore.errors import SceneError
 from dacore.geometry.clip import box_integrals
+from dacore.io.units import factor
 from dacore.workflow.reconstruct.images import to_index
 from dacore.workflow.reconstruct.result import Reconstruction
 
@@ -26,6 +28,7 @@ class FieldImage:
     Parameters
     ----------
     field, unit : str
+        The unit is that of the image's values where the field can be measured in it, else the scene's.
     mean : (n_1, ..., n_d, t, c) array
         In the image's frame; NaN outside the domain.
     deviation : (n_1, ..., n_d, t, c) array or None
@@ -96,7 +99,18 @@ def _field_image(result: Reconstruction, image: ImageData, affine: Array, space:
             for step in range(steps):
                 spread = result.estimate.deviation(rows, step, 0).reshape(count, n)
                 deviation[(*some.T, np.full(n, step))] = spread.T
-    return FieldImage(name, field.unit, mean, deviation)
+    unit, scale = _unit(field.unit, image)
+    return FieldImage(name, unit, scale * mean, None if deviation is None else scale * deviation)
+
+
+def _unit(unit: str, image: ImageData) -> tuple[str, float]:
+    """Unit of a field beside an image, and the factor to it: that of the data, if it measures the same."""
+    if image.unit is None:
+        return unit, 1.0
+    try:
+        return image.unit, factor(unit, image.unit, image.name)
+    except SceneError:
+        return unit, 1.0
 
 
 def _turn(result: Reconstruction, image: ImageData) -> Array:
