@@ -84,7 +84,7 @@ def test_wrong_data_are_refused_as_by_estimate(stand):
 
 @pytest.mark.parametrize("name", list(ESTIMATORS))
 def test_data_of_one_series_need_no_axis_of_series(stand, name):
-    background, functionals, data, rows = stand
+    background, functionals, data, _ = stand
     prepared = ESTIMATORS[name].prepare(background, functionals, WhiteNoise())
     flat, whole = prepared.estimate(data[:, :, 1], 0.1), prepared.estimate(data[:, :, 1:2], 0.1)
     assert flat.n_series == 1
