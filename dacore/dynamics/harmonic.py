@@ -10,6 +10,7 @@ is that over the cycle.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, final
 
@@ -18,7 +19,7 @@ import numpy as np
 from dacore.algebra.solvers import Direct
 from dacore.core.arrays import Array, check_shape
 from dacore.core.display import Card, count, listed
-from dacore.core.model import AffineModel, Coefficient, ForwardModel, Trajectory
+from dacore.core.model import AffineModel, AffineTerm, Coefficient, ForwardModel, Trajectory
 from dacore.core.parameters import Parameters, ParameterSpace
 from dacore.core.solver import SolverMethod
 from dacore.core.space import StateSpace
@@ -37,6 +38,19 @@ def amplitude(states: Array) -> Complex:
     if np.ndim(states) < 1 or np.shape(states)[-1] != 2:
         raise ShapeError(f"states: got shape {np.shape(states)}, expected two phases, (..., 2)")
     return np.asarray(states[..., 0] - 1j * states[..., 1])
+
+
+@dataclass(frozen=True)
+class Friction:
+    """θ -> c(θ) η(θ) / ω: the term of first order that takes what a loss factor η takes at one frequency."""
+
+    coefficient: Coefficient
+    loss: Coefficient
+    omega: float
+
+    def __call__(self, parameters: Parameters) -> float:
+        """Coefficient at θ."""
+        return float(self.coefficient(parameters) * self.loss(parameters) / self.omega)
 
 
 @final
@@ -134,6 +148,21 @@ class HarmonicModel(ForwardModel):
         """The two recorded times (2,) [s], 0 and a quarter of the period."""
         return np.array([0.0, 0.25 / self.frequency])
 
+    @cached_property
+    def viscous(self) -> AffineModel:
+        """The affine model that moves the same at this frequency, with losses as terms of first order."""
+        terms = [
+            AffineTerm(f"loss of {each.name}", each.matrix, Friction(each.coefficient, loss, self._system.omega))
+            for each in self.model.zeroth_order
+            if (loss := self.losses.get(each.name)) is not None
+        ]
+        return replace(self.model, first_order=(*self.model.first_order, *terms))
+
+    @property
+    def factors(self) -> Complex:
+        """Complex amplitude (n_loads,) of each load's profile: 1 for a cosine, −i for a sine."""
+        return self._system.factors
+
     def cautions(self, parameters: ParameterSpace) -> tuple[str, ...]:
         """What to beware of, a line each, with `parameters` in these ranges."""
         lag = 1.0 / self._system.omega
@@ -192,6 +221,56 @@ class HarmonicModel(ForwardModel):
             raise ShapeError(f"loads: got {', '.join(unknown)}, expected any of {', '.join(every)}")
         weights = np.diag(self._system.factors)[:, [every.index(name) for name in chosen]]
         return Responses(chosen, phases(self._solve(parameters, weights).T), self.times)
+
+    def motions(self, parameters: Parameters, amplitudes: Array) -> Array:
+        """Solve for several combinations of the loads, with one factorisation for all of them.
+
+        Parameters
+        ----------
+        parameters : mapping of str to float
+            The loads' own amplitudes in it have no influence.
+        amplitudes : (n_loads, k) array
+            Amplitude of each load in each combination, in front of its profile.
+
+        Returns
+        -------
+        (k, n_dofs, 2) array
+            States at t = 0 and t = T/4.
+
+        Raises
+        ------
+        ShapeError, ConvergenceError
+            As `solve`.
+        """
+        return phases(self.amplitudes(parameters, self.factors[:, None] * np.asarray(amplitudes)).T)
+
+    def duals(self, parameters: Parameters, z: Array, tolerance: float) -> Complex:
+        """Solve Sᵀ y = z on the free dofs, S = −ω²M + iωC + A with losses: what tests a residual for its error.
+
+        Parameters
+        ----------
+        parameters : mapping of str to float
+        z : (n_dofs, k) array
+        tolerance : float
+            Relative residual.
+
+        Returns
+        -------
+        (n_dofs, k) complex array
+            Zero on the constrained dofs.
+
+        Raises
+        ------
+        ShapeError, ConvergenceError
+            As `solve`.
+        """
+        self._check(parameters)
+        system = self._system
+        out = np.zeros(z.shape, dtype=np.complex128)
+        right = z[system.free].astype(np.complex128)
+        solved = system.at(parameters).solve(right, self.method, tolerance, self.analysis)
+        out[system.free] = system.scale[:, None] * solved
+        return out
 
     def amplitudes(self, parameters: Parameters, weights: Complex) -> Complex:
         """Solve for loads of complex amplitudes of your own, with one factorisation for all of them.

@@ -67,6 +67,8 @@ class HarmonicSystem:
         Dofs that are solved for, and dofs with prescribed values.
     factors : (n_loads,) complex array
         The amplitude at the frequency of each load's profile: 1 for a cosine, −i for a sine.
+    scale : (n_free,) complex array
+        Factors of the rows that make K symmetric.
     prescribed : (n_dofs − n_free, n_loads) array
         Values of the constrained dofs per unit of each load and of its factor.
 
@@ -102,7 +104,7 @@ class HarmonicSystem:
         terms = (*model.second_order, *model.first_order, *model.zeroth_order)
         self._sum = PatternSum([term.matrix for term in terms], (n, n), self.free, (self.free, self.constrained))
         self._flow: BoolArray = model.antisymmetric[self.free]
-        self._scale: Complex = np.where(self._flow, 1j / self.omega, 1.0)  # −1/(iω) = i/ω
+        self.scale: Complex = np.where(self._flow, 1j / self.omega, 1.0)  # −1/(iω) = i/ω
         pattern = self._sum.combine(np.zeros(len(terms)))[0]
         flow_row = np.repeat(self._flow, np.diff(pattern.indptr))
         flow_column = self._flow[pattern.indices]
@@ -150,13 +152,13 @@ class HarmonicSystem:
         return value
 
     def _scaled(self, matrix: Any) -> Any:
-        matrix.data *= np.repeat(self._scale, np.diff(matrix.indptr))
+        matrix.data *= np.repeat(self.scale, np.diff(matrix.indptr))
         return matrix
 
     @property
     def loads(self) -> Complex:
         """Forces (n_free, n_loads) of the free rows, scaled as they are, per unit of each load and of its factor."""
-        return np.asarray(self._scale[:, None] * self._forces)
+        return np.asarray(self.scale[:, None] * self._forces)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from dacore.core.arrays import Array
 from dacore.core.model import ForwardModel, Trajectory
 from dacore.core.parameters import Parameters, ParameterSpace
 from dacore.core.space import StateSpace
+from dacore.dynamics.harmonic import HarmonicModel
 from dacore.dynamics.march import MarchedModel
 from dacore.errors import ShapeError
 
@@ -24,7 +25,7 @@ class Motions(ForwardModel):
 
     Parameters
     ----------
-    model : MarchedModel
+    model : MarchedModel or HarmonicModel
     amplitudes : (n_loads, K) array
         Of the samples to come.
 
@@ -34,14 +35,13 @@ class Motions(ForwardModel):
         Amplitudes of the loads in each motion.
     """
 
-    def __init__(self, model: MarchedModel, amplitudes: Array) -> None:
-        grid = replace(model.grid, steps=model.grid.steps + model.grid.spin_up, spin_up=0)
+    def __init__(self, model: MarchedModel | HarmonicModel, amplitudes: Array) -> None:
         self._given = model, amplitudes
-        self.marched = model if grid == model.grid else MarchedModel(
-            model.model, grid, model.scheme, model.start, model.method, model.tolerance, model.analysis
-        )  # fmt: skip
-        self.started = model.start == "steady" or any(load.initial is not None for load in model.model.loads)
-        self._recorded = model.grid.steps
+        self.full = _with_spin_up(model)
+        self.started = isinstance(model, MarchedModel) and (
+            model.start == "steady" or any(load.initial is not None for load in model.model.loads)
+        )
+        self._recorded = len(model.times)
         constant = np.ptp(amplitudes, axis=1) == 0
         typical = np.sqrt((amplitudes**2).mean(axis=1))
         columns = [np.where(constant, amplitudes[:, 0], 0.0)]
@@ -55,24 +55,24 @@ class Motions(ForwardModel):
     @property
     def space(self) -> StateSpace:
         """The space of the states."""
-        return self.marched.space
+        return self.full.space
 
     @property
     def parameters(self) -> ParameterSpace:
         """The parameters of the model."""
-        return self.marched.parameters
+        return self.full.parameters
 
     @property
     def times(self) -> Array:
         """Times (k · t,) [s] of every motion in turn."""
-        times = self.marched.times
+        times = self.full.times
         return np.tile(np.concatenate([[0.0], times]) if self.started else times, self.parts.shape[1])
 
     def solve(self, parameters: Parameters) -> Trajectory:
         """Solve for all motions with one set-up."""
-        states = self.marched.motions(parameters, self.parts)
-        if self.started:
-            starts = self.marched.starts(parameters, self.parts)
+        states = self.full.motions(parameters, self.parts)
+        if self.started and isinstance(self.full, MarchedModel):
+            starts = self.full.starts(parameters, self.parts)
             states = np.concatenate([starts.T[:, :, None], states], axis=2)
         return Trajectory(np.concatenate(list(states), axis=1), self.times)
 
@@ -87,3 +87,13 @@ class Motions(ForwardModel):
         for j, share in enumerate(shares):
             total += share * motions.states[:, (j + 1) * length - self._recorded : (j + 1) * length]
         return total
+
+
+def _with_spin_up(model: MarchedModel | HarmonicModel) -> MarchedModel | HarmonicModel:
+    """Return the model that records the steps of a spin-up too, where there is one."""
+    if isinstance(model, HarmonicModel):
+        return model
+    grid = replace(model.grid, steps=model.grid.steps + model.grid.spin_up, spin_up=0)
+    if grid == model.grid:
+        return model
+    return MarchedModel(model.model, grid, model.scheme, model.start, model.method, model.tolerance, model.analysis)

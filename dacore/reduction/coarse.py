@@ -13,8 +13,8 @@ import numpy as np
 from dacore.core.arrays import Array
 from dacore.core.parameters import Parameters
 from dacore.reduction.galerkin import Tested, TestedTerm, slices
-from dacore.reduction.march import Balance
 from dacore.reduction.model import ReducedModel
+from dacore.reduction.solver import Balance
 from dacore.reduction.split import amplitudes_of, coefficients_of
 
 # Best approximations relative to the error aimed at; measured on brains of 5k nodes, at rest and spun up.
@@ -79,14 +79,13 @@ def _on(model: ReducedModel, directions: Mapping[str, Array]) -> ReducedModel:
     """Return the model on orthonormal directions (r_f, s_f) of each field's coordinates."""
     tested = model.march.tested
     rows = {name: directions[name] for name in tested.rows}
-    initial = np.concatenate([rows[name].T @ model.march.initial[each] for name, each in tested.rows.items()])
     onto = model.onto
     if onto is not None:
         parts = [onto[:, tested.columns[name]] @ each for name, each in directions.items()]
         onto = np.concatenate([*parts, onto[:, model.dimension :]], axis=1)
     return replace(
         model,
-        march=replace(model.march, tested=_projected(tested, rows, directions), initial=initial),
+        march=model.march.on(_projected(tested, rows, directions), rows),
         indicator=replace(model.indicator, tested=_projected(model.indicator.tested, {}, directions)),
         lift_products={name: directions[name].T @ each for name, each in model.lift_products.items()},
         onto=onto,

@@ -11,6 +11,7 @@ from dacore.core.parameters import ParameterSpace
 from dacore.errors import ShapeError
 from dacore.reduction.coarse import coarse
 from dacore.reduction.model import ReducedModel
+from dacore.reduction.response import ReducedResponse
 
 # Reduced states of so many bytes at a time are turned into coefficients.
 _CHUNK_BYTES = 256 * 2**20
@@ -63,7 +64,12 @@ class ReducedForward(ParametricMap):
         return out
 
     def coarse(self, points: Array, tolerance: float) -> "ReducedForward":
-        """Return the map on the modes that its trajectories at points (k, n_parameters) need; see `coarse`."""
+        """Return the map on the modes that its trajectories at points (k, n_parameters) need; see `coarse`.
+
+        That of a motion at one frequency stays as it is: two phases of a few points span too little.
+        """
+        if isinstance(self.model.march, ReducedResponse):
+            return self
         mappings = [self.parameters.as_mapping(row) for row in points]
         return replace(self, model=coarse(self.model, mappings, tolerance))
 

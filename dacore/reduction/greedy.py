@@ -17,14 +17,14 @@ from dacore.core.display import Displayed
 from dacore.core.model import Trajectory
 from dacore.core.parameters import ParameterSpace
 from dacore.core.space import Product
-from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.motions import Motions
 from dacore.errors import AccuracyError, CapabilityError, ShapeError
 from dacore.reduction.galerkin import Galerkin
 from dacore.reduction.indicator import random_tests
-from dacore.reduction.march import Balance
+from dacore.reduction.kinds import Reducible, affine_of
 from dacore.reduction.model import ReducedModel
 from dacore.reduction.sampling import features, spread
+from dacore.reduction.solver import Balance
 from dacore.reduction.split import SplitModel, amplitudes_of, coefficients_of
 
 # Modes may leave this share of the tolerance of each motion; the coupling of the fields amplifies what they leave.
@@ -129,7 +129,7 @@ class ReducedTraining(Displayed):
 
 
 def train(
-    model: MarchedModel,
+    model: Reducible,
     motions: Motions,
     parameters: ParameterSpace,
     samples: Array,
@@ -141,7 +141,7 @@ def train(
 
     Parameters
     ----------
-    model : MarchedModel
+    model : MarchedModel or HarmonicModel
     motions : Motions
         Of `model`, with the amplitudes of the samples.
     parameters : ParameterSpace
@@ -171,7 +171,7 @@ def train(
 class _Greedy:
     def __init__(
         self,
-        model: MarchedModel,
+        model: Reducible,
         motions: Motions,
         parameters: ParameterSpace,
         samples: Array,
@@ -180,14 +180,15 @@ class _Greedy:
         progress: Callable[[int, float], None] | None,
     ) -> None:
         self.motions, self.read, self.settings, self.progress = motions, read, settings, progress
-        self.split = SplitModel(model.model, settings.kind)
+        affine = affine_of(model)
+        self.split = SplitModel(affine, settings.kind)
         self.galerkin = Galerkin(self.split)
         points = [parameters.as_mapping(row) for row in samples]
-        self.coefficients = coefficients_of(model.model, points)
-        self.amplitudes = amplitudes_of(model.model, points)
+        self.coefficients = coefficients_of(affine, points)
+        self.amplitudes = amplitudes_of(affine, points)
         self.features = features(self.coefficients)
         self.sketch = random_tests(model, self.split, parameters, settings.seed)
-        self.marched = model
+        self.full = model
         self.share = MODE_SHARE * settings.tolerance
         self.factors: list[Array] = []
         self.solved: list[int] = []
@@ -198,7 +199,7 @@ class _Greedy:
     def model(self) -> ReducedModel:
         """The reduced model on the modes, and with the factor, there are now."""
         if self._made is None:
-            self._made = ReducedModel.of(self.marched, self.galerkin, self.sketch.tested(self.galerkin), self._factor)
+            self._made = ReducedModel.of(self.full, self.galerkin, self.sketch.tested(self.galerkin), self._factor)
         return self._made
 
     def run(self) -> ReducedTraining:

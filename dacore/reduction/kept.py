@@ -7,7 +7,6 @@ import numpy as np
 
 from dacore.core.arrays import Array
 from dacore.core.parameters import ParameterSpace
-from dacore.dynamics.march import MarchedModel
 from dacore.errors import DacoreError, StoreError
 from dacore.io.arrays import read_arrays, write_arrays
 from dacore.io.background import background_of, background_parts
@@ -15,7 +14,7 @@ from dacore.reduction.forward import with_forward
 from dacore.reduction.galerkin import Tested, TestedTerm
 from dacore.reduction.greedy import Round
 from dacore.reduction.indicator import Indicator
-from dacore.reduction.march import ReducedMarch
+from dacore.reduction.kinds import Reducible, affine_of, reduced_solver
 from dacore.reduction.model import ReducedModel
 from dacore.reduction.training import Reduced
 
@@ -30,7 +29,7 @@ def write_reduced(reduced: Reduced, path: Path) -> None:
         arrays |= _tested_arrays(title, tested)
     arrays |= {f"lift.{name}": values for name, values in model.lift_products.items()}
     arrays |= {f"gram.{name}": values for name, values in model.lift_grams.items()}
-    arrays |= {"onto": model.onto, "factor": model.indicator.factor, "initial": model.march.initial}
+    arrays |= {"onto": model.onto, "factor": model.indicator.factor, "initial": model.march.start}
     arrays |= {"solved": reduced.solved, "estimates": reduced.estimates}
     for k, each in enumerate(reduced.rounds):
         arrays |= {f"round.{k}.{name}": getattr(each, name) for name in ("true", "estimated", "worst")}
@@ -45,7 +44,7 @@ def write_reduced(reduced: Reduced, path: Path) -> None:
     write_arrays(path, MAGIC, arrays, facts)
 
 
-def read_reduced(path: Path, model: MarchedModel, parameters: ParameterSpace) -> Reduced:
+def read_reduced(path: Path, model: Reducible, parameters: ParameterSpace) -> Reduced:
     """Read the reduced training of `model`; StoreError if the file is damaged or of another model."""
     arrays, facts = read_arrays(path, MAGIC)
     try:
@@ -57,8 +56,8 @@ def read_reduced(path: Path, model: MarchedModel, parameters: ParameterSpace) ->
         tests = _tested("tests", arrays, orders, rows, columns)
         flow = tuple(bool(each) for each in facts["flow"])
         reduced = ReducedModel(
-            model.model,
-            ReducedMarch.of(model, step, flow, arrays["initial"]),
+            affine_of(model),
+            reduced_solver(model, step, flow, arrays["initial"]),
             Indicator(tests, arrays["factor"]),
             {name: arrays[f"lift.{name}"] for name in columns},
             {name: arrays[f"gram.{name}"] for name in columns},

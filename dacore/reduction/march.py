@@ -4,15 +4,15 @@ The schemes of `dacore.dynamics` act on each entry of a state alone, so they mar
 are; the samples are the columns. Only the matrix of the step differs from sample to sample.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Self
 
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
 from dacore.core.arrays import Array
-from dacore.core.display import Displayed
 from dacore.core.model import Load
 from dacore.core.timegrid import TimeGrid
 from dacore.dynamics.march import MarchedModel
@@ -20,6 +20,7 @@ from dacore.dynamics.scheme import Scheme, State, StepRule
 from dacore.dynamics.system import load_profiles
 from dacore.errors import ConvergenceError
 from dacore.reduction.galerkin import Tested
+from dacore.reduction.solver import Balance, ReducedSolver, Watcher, combined
 
 _CHUNK_BYTES = 256 * 2**20
 
@@ -27,32 +28,7 @@ Solve = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Balance(Displayed):
-    """What a step balances: y_*, its derivatives and the loads there, K samples side by side.
-
-    Parameters
-    ----------
-    value, rate, acceleration : (r + n_loads, K) arrays
-    loads : (n_loads, K) array
-    """
-
-    value: Array
-    rate: Array
-    acceleration: Array
-    loads: Array
-
-    def residual(self, tested: Tested, coefficients: Array) -> Array:
-        """Tested residual (rows, K) of the equation of motion."""
-        return np.asarray(
-            tested.apply(2, coefficients, self.acceleration)
-            + tested.apply(1, coefficients, self.rate)
-            + tested.apply(0, coefficients, self.value)
-            - tested.forces @ self.loads
-        )
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ReducedMarch(Displayed):
+class ReducedMarch(ReducedSolver):
     """A reduced model, its time grid and its scheme.
 
     Parameters
@@ -85,9 +61,22 @@ class ReducedMarch(Displayed):
         steady = marched.start == "steady"
         return cls(tested, marched.model.loads, marched.scheme, marched.grid, steady, flow, initial)
 
-    def run(
-        self, coefficients: Array, amplitudes: Array, watch: Callable[[slice, Balance], None] | None = None
-    ) -> Array:
+    @property
+    def times(self) -> Array:
+        """Recorded times (t,) [s]."""
+        return self.grid.times
+
+    @property
+    def start(self) -> Array:
+        """Coefficients (r, n_loads) at t = 0 of the state that each load gives there."""
+        return self.initial
+
+    def on(self, tested: Tested, directions: Mapping[str, Array]) -> Self:
+        """Return the same on fewer coordinates."""
+        parts = [directions[name].T @ self.initial[rows] for name, rows in self.tested.rows.items()]
+        return replace(self, tested=tested, initial=np.concatenate(parts))
+
+    def run(self, coefficients: Array, amplitudes: Array, watch: Watcher | None = None) -> Array:
         """March K samples.
 
         Parameters
@@ -191,12 +180,7 @@ class ReducedMarch(Displayed):
 
     def _factored(self, weights: Array, scale: Array) -> tuple[tuple[Array, Array], Array]:
         """Factors of the step with given weights (n_terms,) of its terms, and the scaling (r,) of both its sides."""
-        r = len(scale)
-        matrix = np.zeros((r, r))
-        for term, weight in zip(self.tested.terms, weights, strict=True):
-            for (row, column), block in term.blocks.items():
-                if weight:
-                    matrix[self.tested.rows[row], self.tested.columns[column]] += weight * block
+        matrix = combined(self.tested, weights)
         matrix *= scale[:, None]
         diagonal = np.abs(np.diag(matrix))
         if not diagonal.min(initial=1.0) > 0:

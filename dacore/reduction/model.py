@@ -9,16 +9,16 @@ from dacore.core.arrays import Array
 from dacore.core.display import Displayed
 from dacore.core.model import AffineModel
 from dacore.core.parameters import Parameters
-from dacore.dynamics.march import MarchedModel
 from dacore.reduction.galerkin import Galerkin, Tested
 from dacore.reduction.indicator import Indicator
-from dacore.reduction.march import ReducedMarch
+from dacore.reduction.kinds import Reducible, affine_of, reduced_solver
+from dacore.reduction.solver import ReducedSolver
 from dacore.reduction.split import amplitudes_of, coefficients_of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ReducedModel(Displayed):
-    """An affine model projected on its modes, its scheme and its time grid.
+    """An affine model projected on its modes, and what moves it: its scheme and time grid, or its frequency.
 
     A reduced state holds the coefficients of the modes, fields one after the other, and the factors of the
     loads, which prescribe the constrained dofs.
@@ -27,7 +27,7 @@ class ReducedModel(Displayed):
     ----------
     model : AffineModel
         For the coefficients of its terms and the amplitudes of its loads; no matrix of it is used.
-    march : ReducedMarch
+    march : ReducedSolver
     indicator : Indicator
     lift_products : mapping of str to (r_f, n_loads) array
         Inner products of the modes of each field with the prescribed values of each load.
@@ -38,25 +38,25 @@ class ReducedModel(Displayed):
     """
 
     model: AffineModel
-    march: ReducedMarch
+    march: ReducedSolver
     indicator: Indicator
     lift_products: Mapping[str, Array]
     lift_grams: Mapping[str, Array]
     onto: Array | None = None
 
     @classmethod
-    def of(cls, marched: MarchedModel, galerkin: Galerkin, sketch: Tested, factor: Array) -> "ReducedModel":
-        """Return the model that `galerkin` has projected, with the scheme and grid of `marched`."""
+    def of(cls, full: Reducible, galerkin: Galerkin, sketch: Tested, factor: Array) -> "ReducedModel":
+        """Return the model that `galerkin` has projected, moving as `full` does."""
         split = galerkin.split
         products, grams = {}, {}
         for name in split.fields:
             values, free = split.prescribed[name], split.free[name]
-            weighted = np.asarray(marched.space.field_product(name, split.kind) @ values)
+            weighted = np.asarray(full.space.field_product(name, split.kind) @ values)
             products[name] = galerkin.bases[name].T @ weighted[free]
             grams[name] = values.T @ weighted
         flow = tuple(split.flow[name] for name in split.fields)
-        march = ReducedMarch.of(marched, galerkin.tested(), flow, galerkin.initial())
-        return cls(marched.model, march, Indicator(sketch, factor), products, grams)
+        march = reduced_solver(full, galerkin.tested(), flow, galerkin.initial())
+        return cls(affine_of(full), march, Indicator(sketch, factor), products, grams)
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -71,10 +71,10 @@ class ReducedModel(Displayed):
     @property
     def times(self) -> Array:
         """Recorded times (t,) [s]."""
-        return self.march.grid.times
+        return self.march.times
 
     def solve(self, points: Sequence[Parameters]) -> Array:
-        """March K parameter vectors.
+        """Solve K parameter vectors.
 
         Parameters
         ----------
@@ -88,7 +88,7 @@ class ReducedModel(Displayed):
         return self.march.run(coefficients_of(self.model, points), amplitudes_of(self.model, points))
 
     def estimate(self, points: Sequence[Parameters]) -> tuple[Array, Array]:
-        """March K parameter vectors and estimate their errors.
+        """Solve K parameter vectors and estimate their errors.
 
         Returns
         -------

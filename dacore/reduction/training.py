@@ -8,11 +8,11 @@ from dacore.core.background import Background
 from dacore.core.display import Card, Displayed, count, percent
 from dacore.core.model import ForwardModel, Trajectory
 from dacore.core.parameters import ParameterSpace
-from dacore.dynamics.march import MarchedModel
 from dacore.dynamics.motions import Motions
 from dacore.reduction.background import background_of
 from dacore.reduction.forward import with_forward
 from dacore.reduction.greedy import Round, Settings, train
+from dacore.reduction.kinds import Reducible
 from dacore.reduction.model import ReducedModel
 from dacore.reduction.split import amplitudes_of
 
@@ -63,7 +63,7 @@ class Reduced(Displayed):
 
 
 def train_reduced(
-    model: MarchedModel,
+    model: Reducible,
     parameters: ParameterSpace,
     samples: Array,
     solve: Solve,
@@ -75,7 +75,7 @@ def train_reduced(
 
     Parameters
     ----------
-    model : MarchedModel
+    model : MarchedModel or HarmonicModel
     parameters : ParameterSpace
     samples : (K, n_parameters) array
     solve : callable

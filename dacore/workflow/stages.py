@@ -20,6 +20,7 @@ from dacore.io.mesh_cache import read_mesh_cache, write_mesh_cache
 from dacore.io.scene import Observed, PluginTable, Scene
 from dacore.pipeline.stage import Codec, Pipeline, Results, Stage
 from dacore.plugins.versions import source_hash
+from dacore.reduction.kinds import Reducible
 from dacore.studies.errors import Contrast, ErrorMeter, ProjectedErrors
 from dacore.studies.kept import (
     read_judged,
@@ -98,7 +99,7 @@ def scene_pipeline(
         builder.observed(len(results["model"].times))
         if scene.validation.refine_time > 1 and not isinstance(results["model"], MarchedModel):
             raise SceneError(f"{builder.where}: validation.refine_time: this model steps by itself; set it to 0")
-        if reduced and not isinstance(results["model"], MarchedModel):
+        if reduced and not isinstance(results["model"], Reducible):
             raise SceneError(
                 f"{builder.where}: training.method: got 'reduced', but this model is not affine in its parameters' "
                 "functions, or steps by itself; expected 'full'"

@@ -12,7 +12,7 @@ from dacore.workflow.open import open_scene
 from dacore.workflow.run import run_scene
 
 SCENE = Path(__file__).resolve().parents[2] / "examples" / "toy" / "harmonic.toml"
-SMALL = ["training.samples=40", "validation.cases=6"]
+SMALL = ["training.samples=64", "validation.cases=6", "training.reduction=2e-2", "estimator.posterior.solves=600"]
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +38,33 @@ def test_phases_of_hidden_pressure_are_recovered(finished):
     assert (finished / "fields" / "worst_case_no_noise.xdmf").exists()
 
 
+def test_a_part_is_solved_in_full_and_the_rest_is_as_accurate_as_it_says(finished):
+    scene = open_scene(SCENE, SMALL, finished)
+    training, unseen = scene.reduced, scene.unseen_errors
+    assert len(training.solved) < 50
+    assert training.estimates.max() <= 2e-2
+    for name in ("u", "p"):
+        assert unseen.true[name].max() < 2e-2
+        assert unseen.effectivity[name].min() > 0.5
+    told = json.loads((finished / "results.json").read_text())["reduced_training"]
+    assert told["solved_in_full"] == len(training.solved)
+
+
+def test_the_posterior_finds_stiffness_and_loss_in_noise(finished):
+    results = json.loads((finished / "results.json").read_text())
+    found = {(o["estimator"], o["noise"]): o for o in results["validation"]}
+    mine, linear = found["posterior", 0.05]["errors"], found["minimum_variance", 0.05]["errors"]
+    assert mine["u"]["mean"] < 0.7 * linear["u"]["mean"]
+    assert mine["p"]["mean"] < linear["p"]["mean"]
+    scene = open_scene(SCENE, SMALL, finished)
+    data, samples = scene.runner["noisy"], scene.runner["truth"].samples
+    parameters = scene.prepared("posterior").estimate(data.given(0.05), noise_scale=data.sigmas[0.05]).parameters
+    for name in ("E", "loss"):
+        row, wanted = parameters.names.index(name), samples[:, scene.parameters.names.index(name)]
+        assert parameters.learned[row].mean() > 0.95
+        assert (np.abs(parameters.values[row] - wanted) < 4 * parameters.deviation[row]).all()
+
+
 def test_the_same_from_python(finished):
     scene = open_scene(SCENE, SMALL, finished)
     assert isinstance(scene.model, HarmonicModel)
@@ -59,7 +86,8 @@ def test_the_same_from_python(finished):
     ("change", "message"),
     [
         ("time={step=1e-3}", r"time: biot_harmonic .* remove the \[time\] table"),
-        ('training.method="reduced"', "training.method: got 'reduced'"),
+        ("training.most=7", r"training.most: got 7"),
+        ('training.method="full"', "reduction: of method = 'reduced', but the method is 'full'"),
         ("validation.refine_time=2", "validation.refine_time"),
         ('observed.less_mean=["u"]', "observed.less_mean: the two steps are the phases of a motion whose mean is zero"),
         ('quantity.cavity_pressure.over_time="mean"', r"quantity.cavity_pressure.over_time: got 'mean', .* 'each'"),

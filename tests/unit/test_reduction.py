@@ -46,7 +46,11 @@ def reduced_of(model, galerkin):
 
 def complete(model, kind="l2"):
     """A Galerkin model that leaves nothing out."""
-    galerkin = Galerkin(SplitModel(model.model, kind))
+    return complete_of(model.model, kind)
+
+
+def complete_of(affine, kind="l2"):
+    galerkin = Galerkin(SplitModel(affine, kind))
     for name in ("u", "p"):  # one field after the other, and in pieces, as it grows in training
         identity = np.eye(len(galerkin.split.free[name]))
         for part in np.array_split(identity, 3, axis=1):
@@ -68,12 +72,16 @@ def lifted(model, galerkin, states):
     return out
 
 
+def flat(values):
+    return values.reshape(len(values), -1)
+
+
 def relative(error, truth, model, kind="l2"):
     """Relative space–time error of each field."""
     out = []
     for name in ("u", "p"):
         block, product = model.space.layout.block(name), model.space.field_product(name, kind)
-        size = [np.einsum("ij,ij->", each[block], product @ each[block]) for each in (error, truth)]
+        size = [np.einsum("ij,ij->", part, product @ part) for part in (flat(each[block]) for each in (error, truth))]
         out.append(np.sqrt(size[0] / size[1]))
     return np.array(out)
 
