@@ -9,7 +9,7 @@ or estimates states over time does the same with amplitudes and phases, and the 
 is that over the cycle.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, final
@@ -17,14 +17,13 @@ from typing import Any, final
 import numpy as np
 
 from dacore.algebra.solvers import Direct
-from dacore.core.arrays import Array, check_shape
+from dacore.core.arrays import Array, IntArray, check_shape
 from dacore.core.display import Card, count, listed
-from dacore.core.model import AffineModel, AffineTerm, Coefficient, ForwardModel, Trajectory
-from dacore.core.parameters import Parameters, ParameterSpace
+from dacore.core.model import AffineModel, AffineTerm, Coefficient, Trajectory
+from dacore.core.parameters import Parameters
 from dacore.core.solver import SolverMethod
-from dacore.core.space import StateSpace
 from dacore.dynamics.harmonic_system import Complex, HarmonicSystem
-from dacore.dynamics.march import Responses
+from dacore.dynamics.solved import SolvedModel
 from dacore.errors import ShapeError
 
 
@@ -54,7 +53,7 @@ class Friction:
 
 
 @final
-class HarmonicModel(ForwardModel):
+class HarmonicModel(SolvedModel):
     """An affine model driven at one frequency, in its limit cycle.
 
     Parameters
@@ -100,20 +99,17 @@ class HarmonicModel(ForwardModel):
             raise ShapeError(f"tolerance: got {tolerance}, expected a number between 0 and 1")
         if method is not None and not isinstance(method, SolverMethod):
             raise ShapeError(f"method: got {method!r}, expected a SolverMethod such as dacore.algebra.solvers.Direct()")
-        self.model, self.frequency, self.losses = model, float(frequency), dict(losses or {})
-        self.method, self.tolerance = method or Direct(), tolerance
+        super().__init__(model, method or Direct(), tolerance, analysis)
+        self.frequency, self.losses = float(frequency), dict(losses or {})
         self._system = HarmonicSystem(model, self.frequency, self.losses)
-        self._given = analysis
 
-    @cached_property
-    def analysis(self) -> Any:
-        """What the solver makes of the sparsity pattern alone: found once for all samples."""
-        if self._given is not None:
-            return self._given
-        layout, system = self.space.layout, self._system
-        nodes = [np.tile(np.arange(layout.nodes[field.name]), field.components) for field in layout.fields]
-        places = np.tile(np.concatenate(nodes)[system.free], 2)
-        return self.method.analyse(system.at(system.middle).doubled, system.definite, places)
+    def _analyse(self, nodes: IntArray) -> Any:
+        system = self._system
+        return self.method.analyse(system.at(system.middle).doubled, system.definite, np.tile(nodes[system.free], 2))
+
+    @property
+    def _lag(self) -> float:
+        return 1.0 / self._system.omega
 
     def __reduce__(self) -> tuple[Any, ...]:
         settings = (self.model, self.frequency, self.losses, self.method, self.tolerance)
@@ -134,16 +130,6 @@ class HarmonicModel(ForwardModel):
         )
 
     @property
-    def space(self) -> StateSpace:
-        """The space of the states."""
-        return self.model.space
-
-    @property
-    def parameters(self) -> ParameterSpace:
-        """The parameters of the model."""
-        return self.model.parameters
-
-    @property
     def times(self) -> Array:
         """The two recorded times (2,) [s], 0 and a quarter of the period."""
         return np.array([0.0, 0.25 / self.frequency])
@@ -162,11 +148,6 @@ class HarmonicModel(ForwardModel):
     def factors(self) -> Complex:
         """Complex amplitude (n_loads,) of each load's profile: 1 for a cosine, −i for a sine."""
         return self._system.factors
-
-    def cautions(self, parameters: ParameterSpace) -> tuple[str, ...]:
-        """What to beware of, a line each, with `parameters` in these ranges."""
-        lag = 1.0 / self._system.omega
-        return tuple(line for caution in self.model.cautions if (line := caution(parameters, lag)))
 
     def solve(self, parameters: Parameters) -> Trajectory:
         """Solve with all loads in one right-hand side.
@@ -190,37 +171,6 @@ class HarmonicModel(ForwardModel):
         self._check(parameters)
         weights = self._system.factors * self.model.amplitudes(parameters)
         return Trajectory(phases(self._solve(parameters, weights[:, None])[:, 0]), self.times)
-
-    def responses(self, parameters: Parameters, loads: Sequence[str] | None = None) -> Responses:
-        """Solve for each load alone, with unit amplitude and one factorisation for all of them.
-
-        The loads' amplitudes in `parameters` have no influence; superpose the responses with any.
-
-        Parameters
-        ----------
-        parameters : mapping of str to float
-        loads : sequence of str, optional
-            Names of the loads; by default all.
-
-        Returns
-        -------
-        Responses
-            States (n_loads, n_dofs, 2).
-
-        Raises
-        ------
-        ShapeError
-            As `solve`, or if the model has no such load.
-        ConvergenceError
-            As `solve`.
-        """
-        self._check(parameters)
-        every = [load.name for load in self.model.loads]
-        chosen = tuple(every if loads is None else loads)
-        if unknown := [name for name in chosen if name not in every]:
-            raise ShapeError(f"loads: got {', '.join(unknown)}, expected any of {', '.join(every)}")
-        weights = np.diag(self._system.factors)[:, [every.index(name) for name in chosen]]
-        return Responses(chosen, phases(self._solve(parameters, weights).T), self.times)
 
     def motions(self, parameters: Parameters, amplitudes: Array) -> Array:
         """Solve for several combinations of the loads, with one factorisation for all of them.
@@ -305,8 +255,3 @@ class HarmonicModel(ForwardModel):
         out[system.constrained] = system.prescribed @ weights
         out[system.free] = at.solve(at.right_side(weights), self.method, self.tolerance, self.analysis)
         return out
-
-    def _check(self, parameters: Parameters) -> None:
-        missing = [name for name in self.parameters.names if name not in parameters]
-        if missing:
-            raise ShapeError(f"parameters: {', '.join(missing)} missing; expected {', '.join(self.parameters.names)}")

@@ -1,23 +1,20 @@
 """Marching an affine model in time, with one solver set-up for each parameter sample."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Literal, final
 
 import numpy as np
 
 from dacore.algebra.linear_solver import prepared
 from dacore.algebra.solvers import Auto
-from dacore.core.arrays import Array, check_shape
-from dacore.core.display import Card, Displayed, count, listed, moments
-from dacore.core.model import AffineModel, ForwardModel, Trajectory
-from dacore.core.parameters import Parameters, ParameterSpace
+from dacore.core.arrays import Array, IntArray, check_shape
+from dacore.core.display import Card, count, listed, moments
+from dacore.core.model import AffineModel, Trajectory
+from dacore.core.parameters import Parameters
 from dacore.core.solver import LinearSolver, SolverMethod
-from dacore.core.space import StateSpace
 from dacore.core.timegrid import TimeGrid
 from dacore.dynamics.newmark import Newmark
 from dacore.dynamics.scheme import Scheme, State, StepRule
+from dacore.dynamics.solved import SolvedModel
 from dacore.dynamics.static import steady_state
 from dacore.dynamics.system import StepSystem, initial_states, load_profiles
 from dacore.errors import ShapeError
@@ -25,30 +22,8 @@ from dacore.errors import ShapeError
 Start = Literal["zero", "steady"]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Responses(Displayed):
-    """The motion each load causes alone, per unit of its amplitude.
-
-    Parameters
-    ----------
-    loads : tuple of str
-        Names of the loads.
-    states : (n_loads, n_dofs, t) array
-    times : (t,) array [s]
-    """
-
-    loads: tuple[str, ...]
-    states: Array
-    times: Array
-
-    def superpose(self, amplitudes: Array) -> Trajectory:
-        """Return the trajectory under loads of the given amplitudes (n_loads,); costs no solve."""
-        check_shape("amplitudes", np.asarray(amplitudes), (len(self.loads),))
-        return Trajectory(np.tensordot(amplitudes, self.states, axes=1), self.times)
-
-
 @final
-class MarchedModel(ForwardModel):
+class MarchedModel(SolvedModel):
     """An affine model, its time grid and the scheme that marches it.
 
     Parameters
@@ -98,20 +73,18 @@ class MarchedModel(ForwardModel):
                 f"start: got 'steady' and the initial state of {', '.join(given)}, expected one of them; set start to "
                 "'zero', or leave the initial state out"
             )
-        self.model, self.grid, self.scheme = model, grid, scheme or Newmark()
-        self.start, self.method, self.tolerance = start, method or Auto(), tolerance
+        super().__init__(model, method or Auto(), tolerance, analysis)
+        self.grid, self.scheme, self.start = grid, scheme or Newmark(), start
         self._system = StepSystem(model, self.scheme, float(grid.lengths[-1]))
-        self._given = analysis
 
-    @cached_property
-    def analysis(self) -> Any:
-        """What the solver makes of the sparsity pattern alone: found once for all samples."""
-        if self._given is not None:
-            return self._given
-        layout = self.space.layout
-        nodes = [np.tile(np.arange(layout.nodes[field.name]), field.components) for field in layout.fields]
+    def _analyse(self, nodes: IntArray) -> Any:
         matrix = self._system.at(self._system.middle).matrix
-        return self.method.analyse(matrix, self._system.definite, np.concatenate(nodes)[self._system.free])
+        return self.method.analyse(matrix, self._system.definite, nodes[self._system.free])
+
+    @property
+    def _lag(self) -> float:
+        # Steps as long as most are.
+        return 1.0 / self.scheme.regular(float(self.grid.lengths[-1])).rate_factor
 
     def __reduce__(self) -> tuple[Any, ...]:
         settings = (self.model, self.grid, self.scheme, self.start, self.method, self.tolerance)
@@ -136,24 +109,9 @@ class MarchedModel(ForwardModel):
         )
 
     @property
-    def space(self) -> StateSpace:
-        """The space of the states."""
-        return self.model.space
-
-    @property
-    def parameters(self) -> ParameterSpace:
-        """The parameters of the model."""
-        return self.model.parameters
-
-    @property
     def times(self) -> Array:
         """Recorded times (t,) [s]."""
         return self.grid.times
-
-    def cautions(self, parameters: ParameterSpace) -> tuple[str, ...]:
-        """What to beware of, a line each, with `parameters` in these ranges and steps as long as most are."""
-        lag = 1.0 / self.scheme.regular(float(self.grid.lengths[-1])).rate_factor
-        return tuple(line for caution in self.model.cautions if (line := caution(parameters, lag)))
 
     def solve(self, parameters: Parameters) -> Trajectory:
         """Solve with all loads in one right-hand side.
@@ -176,36 +134,6 @@ class MarchedModel(ForwardModel):
         """
         self._check(parameters)
         return Trajectory(self._march(parameters, self.model.amplitudes(parameters)[:, None])[0], self.times)
-
-    def responses(self, parameters: Parameters, loads: Sequence[str] | None = None) -> Responses:
-        """Solve for each load alone, with unit amplitude and one solver set-up for all of them.
-
-        The loads' amplitudes in `parameters` have no influence; superpose the responses with any.
-
-        Parameters
-        ----------
-        parameters : mapping of str to float
-        loads : sequence of str, optional
-            Names of the loads; by default all.
-
-        Returns
-        -------
-        Responses
-
-        Raises
-        ------
-        ShapeError
-            As `solve`, or if the model has no such load.
-        ConvergenceError
-            If the linear solver fails.
-        """
-        self._check(parameters)
-        every = [load.name for load in self.model.loads]
-        chosen = tuple(every if loads is None else loads)
-        if unknown := [name for name in chosen if name not in every]:
-            raise ShapeError(f"loads: got {', '.join(unknown)}, expected any of {', '.join(every)}")
-        states = self.motions(parameters, np.eye(len(every))[:, [every.index(name) for name in chosen]])
-        return Responses(chosen, states, self.times)
 
     def motions(self, parameters: Parameters, amplitudes: Array) -> Array:
         """Solve for several combinations of the loads, with one solver set-up for all of them.
@@ -247,11 +175,6 @@ class MarchedModel(ForwardModel):
             weights = load_profiles(self.model.loads, np.zeros(1)) * amplitudes
             return steady_state(self.model, parameters, weights, self.method, self.tolerance)
         return np.asarray(initial_states(self.model) @ amplitudes)
-
-    def _check(self, parameters: Parameters) -> None:
-        missing = [name for name in self.parameters.names if name not in parameters]
-        if missing:
-            raise ShapeError(f"parameters: {', '.join(missing)} missing; expected {', '.join(self.parameters.names)}")
 
     def _march(self, parameters: Parameters, amplitudes: Array) -> Array:
         # Where a load is there at t = 0 already, everything jumps and the rates at t = 0 are not known.
